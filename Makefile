@@ -1,0 +1,70 @@
+# velocal: every target sets itself up in .venv, from Python >= 3.11 with pip and venv alone.
+#
+# Two stamps, each written last, so that a set-up that was interrupted is done again:
+#   .venv/.locked     the exact packages of requirements.lock; made anew when the lock changes
+#   .venv/.installed  velocal itself, editable; done again when pyproject.toml changes
+
+PYTHON ?= python3
+UV ?= uv
+CORES ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+LOCKED := $(VENV)/.locked
+INSTALLED := $(VENV)/.installed
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --compile
+RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup results field test lint lock clean
+
+help: ## show this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
+	@echo "Settings: CORES=$(CORES) PYTHON=$(PYTHON)"
+
+results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
+	$(RUN) snakemake --cores $(CORES)
+
+field: $(INSTALLED) ## run the workflow on recordings without a survey (config/field.yaml)
+	$(RUN) snakemake --cores $(CORES) --configfile config/field.yaml
+
+test: lint ## run all checks and tests
+	$(RUN) pytest -n 2
+
+lint: $(INSTALLED) ## run the checks that start no test
+	$(RUN) ruff check
+	$(RUN) ruff format --check
+	$(RUN) mypy
+	$(RUN) lint-imports
+	$(RUN) snakefmt --check Snakefile workflow
+	$(RUN) snakemake --lint
+
+setup: $(INSTALLED) ## only make the environment in .venv
+
+$(INSTALLED): $(LOCKED) pyproject.toml
+	$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(LOCKED): requirements.lock
+	@command -v $(PYTHON) >/dev/null || { \
+	    echo "error: no '$(PYTHON)' found. Hint: install Python 3.11 or newer, or name one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "error: '$(PYTHON)' is $$($(PYTHON) --version 2>&1), velocal needs 3.11 or newer. Hint: name a newer one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	    echo "error: '$(PYTHON)' lacks the venv module. Hint: on Debian and Ubuntu install the package python3-venv" >&2; exit 1; }
+	@echo "Setting up $(VENV) (once, about a minute)"
+	@$(PYTHON) -m venv --clear $(VENV)
+	$(PIP_INSTALL) --require-hashes --requirement requirements.lock
+	@touch $@
+
+lock: ## choose the newest versions within the ranges of pyproject.toml (needs uv)
+	@command -v $(UV) >/dev/null || { \
+	    echo "error: no '$(UV)' found. Hint: pip install uv, or name one: make lock UV=path/to/uv" >&2; exit 1; }
+	@{ echo "# Exact versions of everything that velocal runs on and is developed with, for every platform and Python >= 3.11."; \
+	   echo "# Made from pyproject.toml by: make lock"; \
+	   $(UV) pip compile --quiet --universal --python-version 3.11 --extra dev --generate-hashes --upgrade \
+	       --no-header --no-annotate --no-emit-index-url --no-emit-find-links pyproject.toml; } > requirements.lock.new
+	@mv requirements.lock.new requirements.lock
+
+clean: ## remove what a run made (results/), but not .venv
+	find results -mindepth 1 ! -path results/README.md -delete

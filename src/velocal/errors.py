@@ -1,0 +1,76 @@
+"""The family of errors that users see: what is wrong, where, what is allowed, and a hint."""
+
+from __future__ import annotations
+
+
+class VelocalError(Exception):
+    """A fault in what was handed over; shown to users without a traceback.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, with the offending value.
+    where : str, optional
+        File, packet, row or key.
+    allowed : str, optional
+        What would have been right.
+    hint : str, optional
+        What to do about it.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        allowed: str | None = None,
+        hint: str | None = None,
+    ) -> None:
+        self.what, self.where, self.allowed, self.hint = what, where, allowed, hint
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.what}" if self.where else self.what
+        if self.allowed:
+            text += f" (allowed: {self.allowed})"
+        if self.hint:
+            text += f"\nHint: {self.hint}"
+        return text
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Errors cross process borders; the default would call __init__ with the finished text.
+        return (_rebuild, (type(self), self.what, self.where, self.allowed, self.hint))
+
+
+def _rebuild(
+    kind: type[VelocalError],
+    what: str,
+    where: str | None,
+    allowed: str | None,
+    hint: str | None,
+) -> VelocalError:
+    return kind(what, where=where, allowed=allowed, hint=hint)
+
+
+class ConfigError(VelocalError):
+    """The configuration or one of its sheets is wrong."""
+
+
+class RecordingError(VelocalError):
+    """A recording cannot be read, or is not what it is said to be."""
+
+
+class CalibrationFileError(VelocalError):
+    """A calibration file cannot be read or written."""
+
+
+class SurveyError(VelocalError):
+    """Survey data are missing, doubled or geometrically insufficient."""
+
+
+class AdjustmentError(VelocalError):
+    """An adjustment has no meaningful solution."""
+
+
+class StorageError(VelocalError):
+    """A file of our own is damaged or of another kind or version."""

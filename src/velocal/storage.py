@@ -1,0 +1,170 @@
+"""Files of our own: schema-checked, byte for byte the same for the same content, never half there."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from velocal.errors import StorageError
+
+#: Metadata key under which facts about a table are kept, as JSON.
+FACTS = b"velocal.facts"
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """Give a temporary path beside `path` that takes its name once the block has succeeded."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file."""
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON; arrays become lists, numbers keep all their digits, NaN becomes null."""
+    finite = _without_nan(json.loads(json.dumps(content, default=_plain)))
+    write_text(path, json.dumps(finite, indent=1, allow_nan=False) + "\n")
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object.
+
+    Raises
+    ------
+    StorageError
+        If the file is missing or not a JSON object.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
+    if not isinstance(content, dict):
+        raise StorageError("is not a JSON object", where=str(path))
+    return content
+
+
+def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:
+    """Write a CSV; floats with `digits` decimals, or shortest exact form if None."""
+    text = table.to_csv(
+        index=False,
+        lineterminator="\n",
+        float_format=None if digits is None else f"%.{digits}f",
+    )
+    write_text(path, text)
+
+
+class TableWriter:
+    """Stream of record batches into one Parquet file of a given schema."""
+
+    def __init__(self, path: Path, schema: pa.Schema, facts: Mapping[str, Any]) -> None:
+        metadata = {**(schema.metadata or {}), FACTS: json.dumps(facts, default=_plain).encode()}
+        self._schema = schema.with_metadata(metadata)
+        split = [
+            field.name for field in schema if field.type in (pa.uint16(), pa.uint32(), pa.float32())
+        ]
+        self._writer = pq.ParquetWriter(
+            path,
+            self._schema,
+            compression="zstd",
+            compression_level=1,
+            # Measured on 13 million returns: half the time and three quarters of the size of
+            # dictionaries.
+            use_dictionary=[field.name for field in schema if field.type == pa.uint8()],
+            column_encoding={name: "BYTE_STREAM_SPLIT" for name in split},
+        )
+
+    def write(self, columns: Mapping[str, Any]) -> None:
+        """Append rows, given as one array per column."""
+        arrays = [pa.array(columns[field.name], type=field.type) for field in self._schema]
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+
+    def close(self) -> None:
+        """Write the footer."""
+        self._writer.close()
+
+
+@contextmanager
+def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableWriter]:
+    """Open a Parquet file for streaming; it appears under its name when the block succeeds."""
+    with atomic(path) as temporary:
+        writer = TableWriter(temporary, schema, facts)
+        try:
+            yield writer
+        finally:
+            writer.close()
+
+
+def write_table(path: Path, schema: pa.Schema, columns: Mapping[str, Any], **facts: Any) -> None:
+    """Write one Parquet table at once."""
+    with table_writer(path, schema, **facts) as writer:
+        writer.write(columns)
+
+
+def read_table(
+    path: Path, schema: pa.Schema, columns: list[str] | None = None
+) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:
+    """Read a Parquet table that was written with `schema`.
+
+    Returns
+    -------
+    columns : dict of str to ndarray
+    facts : dict
+        What was stored about the table.
+
+    Raises
+    ------
+    StorageError
+        If the file is damaged, or of another kind or version.
+    """
+    try:
+        table = pq.read_table(path, columns=columns)
+    except (OSError, pa.ArrowException) as error:
+        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
+    metadata = table.schema.metadata or {}
+    for key in (b"velocal.kind", b"velocal.version"):
+        expected, found = schema.metadata[key], metadata.get(key, b"none")
+        if found != expected:
+            raise StorageError(
+                f"{key.decode()} is {found.decode()!r}",
+                where=str(path),
+                allowed=repr(expected.decode()),
+                hint="Make the file again with this version of velocal.",
+            )
+    facts = json.loads(metadata.get(FACTS, b"{}"))
+    return {name: table[name].to_numpy() for name in table.column_names}, facts

@@ -1,0 +1,31 @@
+"""Fixtures that every kind of test may use."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Time limits per example fail on busy machines; a failing example prints how to repeat it.
+settings.register_profile("velocal", deadline=None, print_blob=True)
+settings.load_profile("velocal")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The top folder of the checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of real recordings and calibrations, which the project may not distribute."""
+    folder = Path(os.environ.get("VELOCAL_SHARED") or ROOT.parent / "shared").resolve()
+    if not (folder / "recordings").is_dir():
+        pytest.skip(
+            "no real recordings: there is no folder 'recordings' in VELOCAL_SHARED or in "
+            "'shared' beside the checkout. Hint: set VELOCAL_SHARED to the folder that holds it"
+        )
+    return folder

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class VelocalError(Exception):
     """A fault in what was handed over; shown to users without a traceback.
@@ -74,3 +79,22 @@ class AdjustmentError(VelocalError):
 
 class StorageError(VelocalError):
     """A file of our own is damaged or of another kind or version."""
+
+
+@contextmanager
+def reported(log: str | Path | None = None) -> Iterator[None]:
+    """Turn a `VelocalError` inside the block into its message and exit code 1.
+
+    Parameters
+    ----------
+    log : str or Path, optional
+        File that gets the message as well.
+    """
+    try:
+        yield
+    except VelocalError as error:
+        message = f"Error: {error}"
+        if log:
+            Path(log).write_text(message + "\n", encoding="utf-8")
+        print(message, file=sys.stderr)
+        sys.exit(1)

@@ -76,6 +76,9 @@ def cell_medians(
         )
     if len(azimuth) % lasers_per_firing:
         raise VelocalError(f"{len(azimuth)} returns are not whole firings of {lasers_per_firing}")
+    if len(azimuth) == 0:
+        none = np.empty(0, dtype=np.float32)
+        return Medians(none.astype(np.uint8), none, none, none, none.astype(np.uint16))
     shape = (-1, lasers_per_firing)
     firing_azimuth = azimuth.reshape(shape)[:, 0]
     first_laser = laser_id.reshape(shape)[:, 0]

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from velocal import schemas, storage
 from velocal.packets import BLOCKS, decode
-from velocal.recording.rotations import RotationIndex, read_rotations
+from velocal.recording.rotations import RotationIndex
+from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
 
 Progress = Callable[[int], None]

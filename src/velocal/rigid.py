@@ -150,7 +150,10 @@ def adjust_rigid(
         weight = np.linalg.inv(target_covariance + rotation @ source_covariance @ rotation.T)
         # d(target)/d(w, t) = (-[R x]x, I): small rotation from the left.
         design = np.concatenate(
-            [np.stack([-skew(point) for point in rotated]), np.tile(np.eye(3), (len(source), 1, 1))],
+            [
+                np.stack([-skew(point) for point in rotated]),
+                np.tile(np.eye(3), (len(source), 1, 1)),
+            ],
             axis=2,
         )
         normal = np.einsum("nki,nkl,nlj->ij", design, weight, design)

@@ -79,9 +79,11 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:
+def write_csv(
+    path: Path, table: pd.DataFrame | Mapping[str, Any], digits: int | None = None
+) -> None:
     """Write a CSV; floats with `digits` decimals, or shortest exact form if None."""
-    text = table.to_csv(
+    text = pd.DataFrame(table).to_csv(
         index=False,
         lineterminator="\n",
         float_format=None if digits is None else f"%.{digits}f",
@@ -168,3 +170,18 @@ def read_table(
             )
     facts = json.loads(metadata.get(FACTS, b"{}"))
     return {name: table[name].to_numpy() for name in table.column_names}, facts
+
+
+def read_csv(path: Path) -> dict[str, np.ndarray[Any, Any]]:
+    """Read a CSV of our own into one array per column.
+
+    Raises
+    ------
+    StorageError
+        If the file is missing or damaged.
+    """
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
+    return {str(name): table[name].to_numpy() for name in table.columns}

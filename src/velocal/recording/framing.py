@@ -23,6 +23,8 @@ from velocal.recording.ledger import Ledger
 HEADER_BYTES = 42
 POSITION_PAYLOAD_BYTES = 512
 CHUNK_BYTES = 8 << 20
+#: Step in which the next sound packet is looked for after damage; it is usually near.
+SEARCH_BYTES = 1 << 16
 MAX_CAPTURED = 1 << 18
 
 PCAP_FILE_HEADER = 24
@@ -60,9 +62,7 @@ class Framing(Protocol):
         """Framing as it is called in ledgers."""
         ...
 
-    def chunks(
-        self, file: BinaryIO, start: int, stop: int, ledger: Ledger
-    ) -> Iterator[Chunk]:
+    def chunks(self, file: BinaryIO, start: int, stop: int, ledger: Ledger) -> Iterator[Chunk]:
         """Read the sound packets that begin in [start, stop)."""
         ...
 
@@ -87,16 +87,21 @@ def _sound_payloads(
     return good
 
 
-def find_payload(data: NDArray[np.uint8]) -> int | None:
-    """First position in bytes at which twelve block flags follow as in a payload, or None."""
+def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Positions in bytes at which twelve block flags follow as in a payload."""
     last = len(data) - PAYLOAD_BYTES
     if last < 0:
-        return None
+        return np.empty(0, dtype=np.int64)
     candidate = np.ones(last + 1, dtype=bool)
     for at in FLAG_POSITIONS:
         first, second = data[at : at + last + 1], data[at + 1 : at + 1 + last + 1]
         candidate &= ((first == 0xFF) & (second == 0xEE)) | ((first == 0xFF) & (second == 0xDD))
-    positions = np.flatnonzero(candidate)
+    return np.flatnonzero(candidate)
+
+
+def find_payload(data: NDArray[np.uint8]) -> int | None:
+    """First position in bytes at which twelve block flags follow as in a payload, or None."""
+    positions = payload_positions(data)
     return int(positions[0]) if len(positions) else None
 
 
@@ -116,9 +121,7 @@ class Records:
         """Records begin with the file."""
         return 0
 
-    def chunks(
-        self, file: BinaryIO, start: int, stop: int, ledger: Ledger
-    ) -> Iterator[Chunk]:
+    def chunks(self, file: BinaryIO, start: int, stop: int, ledger: Ledger) -> Iterator[Chunk]:
         """Read records; where bytes were lost, find the next record by its block flags."""
         size = self.header_bytes + PAYLOAD_BYTES
         per_chunk = CHUNK_BYTES // size
@@ -153,13 +156,13 @@ class Records:
         search = position + self.header_bytes + 1
         while search < stop:
             file.seek(search)
-            data = np.frombuffer(file.read(CHUNK_BYTES), dtype=np.uint8)
+            data = np.frombuffer(file.read(SEARCH_BYTES), dtype=np.uint8)
             found = find_payload(data)
             if found is not None:
                 position = search + found - self.header_bytes
                 ledger.reject("bytes without a record", 1, position - origin)
                 return position
-            if len(data) < CHUNK_BYTES:
+            if len(data) < SEARCH_BYTES:
                 break
             search += len(data) - PAYLOAD_BYTES + 1
         ledger.reject("bytes without a record", 1, stop - origin)
@@ -183,9 +186,7 @@ class Pcap:
         """Packets begin after the file header."""
         return PCAP_FILE_HEADER
 
-    def chunks(
-        self, file: BinaryIO, start: int, stop: int, ledger: Ledger
-    ) -> Iterator[Chunk]:
+    def chunks(self, file: BinaryIO, start: int, stop: int, ledger: Ledger) -> Iterator[Chunk]:
         """Walk the packet headers; after a damaged one, find the next by its payload."""
         header = struct.Struct(self.byte_order + "IIII")
         position = start
@@ -200,16 +201,16 @@ class Pcap:
             while here < limit:
                 if here + PCAP_PACKET_HEADER > len(data):
                     ledger.reject("packet cut short at the end of the file", 1, len(data) - here)
-                    here = limit
+                    here = len(data)
                     break
                 seconds, ticks, captured, original = header.unpack_from(data, here)
-                if captured > MAX_CAPTURED or captured > original:
+                if captured > original or original > MAX_CAPTURED:
                     lost = True
                     break
                 end = here + PCAP_PACKET_HEADER + captured
                 if end > len(data):
                     ledger.reject("packet cut short at the end of the file", 1, len(data) - here)
-                    here = limit
+                    here = len(data)
                     break
                 kind = _kind_of_frame(data, here + PCAP_PACKET_HEADER, captured, original)
                 if kind is None:
@@ -242,16 +243,16 @@ class Pcap:
     def _resynchronise(file: BinaryIO, position: int, stop: int, ledger: Ledger) -> int:
         origin = position
         lead = PCAP_PACKET_HEADER + HEADER_BYTES
-        search = position + lead
+        search = position + lead + 1
         while search < stop:
             file.seek(search)
-            data = np.frombuffer(file.read(CHUNK_BYTES), dtype=np.uint8)
+            data = np.frombuffer(file.read(SEARCH_BYTES), dtype=np.uint8)
             found = find_payload(data)
             if found is not None:
                 position = search + found - lead
                 ledger.reject("bytes without a packet header", 1, position - origin)
                 return position
-            if len(data) < CHUNK_BYTES:
+            if len(data) < SEARCH_BYTES:
                 break
             search += len(data) - PAYLOAD_BYTES + 1
         ledger.reject("bytes without a packet header", 1, stop - origin)
@@ -312,16 +313,18 @@ def detect(path: Path) -> Framing:
                 hint="Capture on the network interface to which the scanner is wired.",
             )
         return Pcap(order, ticks)
-    found = find_payload(np.frombuffer(head, dtype=np.uint8))
-    if found is not None:
-        # Records before the first sound one do not change the remainder; damage may, then the
-        # distance to the next sound payload tells.
-        after = np.frombuffer(head, dtype=np.uint8)[found + PAYLOAD_BYTES :]
-        second = find_payload(after)
-        gap = found if second is None else second
-        return Records(HEADER_BYTES if gap >= HEADER_BYTES else 0)
+    positions = payload_positions(np.frombuffer(head, dtype=np.uint8))
+    if len(positions) == 1:
+        return Records(HEADER_BYTES if positions[0] >= HEADER_BYTES else 0)
+    # Damage changes some of the distances between payloads, another container all of them.
+    distances = np.diff(positions)
+    votes = {
+        header: int((distances == header + PAYLOAD_BYTES).sum()) for header in (0, HEADER_BYTES)
+    }
+    if any(votes.values()):
+        return Records(max(votes, key=lambda header: votes[header]))
     raise RecordingError(
-        "holds no Velodyne data packet in its first MiB",
+        "holds no Velodyne data packets in a known framing in its first MiB",
         where=str(path),
         allowed="records of 1206 or 1248 bytes, or a classic pcap of Ethernet frames",
         hint="Convert pcapng with `editcap -F pcap IN OUT`.",

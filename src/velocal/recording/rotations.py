@@ -6,25 +6,26 @@ rotations, not of packets.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.errors import ConfigError, RecordingError
+from velocal.errors import RecordingError
 from velocal.packets import BLOCKS, median_azimuth_step, view
-from velocal.recording.framing import Chunk, Framing, detect
+from velocal.recording.framing import Chunk, detect
 from velocal.recording.ledger import Ledger
-from velocal.sensors import AZIMUTH_TICKS, FLAG_LOWER, SCANNERS, Scanner
+from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, FLAG_LOWER
 
 #: The device clock counts the microseconds of an hour.
 HOUR_US = 3_600_000_000
 #: Packets farther apart than this many usual intervals have a gap between them.
 GAP_INTERVALS = 1.5
-#: Measured and nominal packet rate may differ by this share.
-RATE_TOLERANCE = 0.15
+#: Packets that are looked at together at least, where the recording has so many.
+CLOCK_PACKETS = 256
 
 Progress = Callable[[int, int], None]
 
@@ -114,6 +115,26 @@ class Inspection:
         """Whether status bytes of type 1-7 (HDL-64E S2/S3 calibration table) occur."""
         return set("1234567") <= set(self.status_types)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Plain mapping for JSON and for people: counts, rates and the ledger."""
+        return {
+            "duration_s": self.duration_s,
+            "clock": self.clock,
+            "rotations": len(self.index),
+            "rotations_complete": int(self.index.complete.sum()),
+            "rotation_rate_hz": self.index.rate_hz(),
+            "packet_rate_hz": 1.0 / self.packet_interval_s,
+            "azimuth_step_deg": self.azimuth_step_ticks * AZIMUTH_TICK_DEG,
+            "azimuth_resolution_deg": self.azimuth_multiple * AZIMUTH_TICK_DEG,
+            "gaps": self.gaps,
+            "packets_missing": self.packets_missing,
+            "block_counts": self.block_counts,
+            "product": None if self.product is None else f"0x{self.product:02X}",
+            "status_types": self.status_types,
+            "calibration_in_stream": self.calibration_in_stream,
+            "ledger": self.ledger.as_dict(),
+        }
+
     @property
     def duration_s(self) -> float:
         """Time from the first to the last packet, seconds."""
@@ -153,14 +174,37 @@ def inspect(path: Path, progress: Progress | None = None) -> Inspection:
     ledger = Ledger(file_bytes=size, framing=framing.name, framing_bytes=framing.first_packet)
     scan = _Scan()
     with path.open("rb") as file:
-        for chunk in framing.chunks(file, framing.first_packet, size, ledger):
-            if len(chunk.payloads):
-                scan.take(chunk)
+        for chunk in _merged(framing.chunks(file, framing.first_packet, size, ledger)):
+            scan.take(chunk)
             if progress is not None:
                 progress(chunk.end, size)
     if scan.packets == 0:
         raise RecordingError("holds no sound data packet", where=str(path))
     return scan.result(ledger, size)
+
+
+def _merged(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
+    """Join chunks, which damage may cut to single packets, so that each has a clock to judge by."""
+    held: list[Chunk] = []
+    for chunk in chunks:
+        held.append(chunk)
+        if sum(len(part.payloads) for part in held) >= CLOCK_PACKETS:
+            yield _joined(held)
+            held = []
+    if any(len(part.payloads) for part in held):
+        yield _joined(held)
+
+
+def _joined(parts: list[Chunk]) -> Chunk:
+    if len(parts) == 1:
+        return parts[0]
+    times = [part.capture_time_s for part in parts if part.capture_time_s is not None]
+    return Chunk(
+        np.concatenate([part.payloads for part in parts]),
+        np.concatenate([part.offsets for part in parts]),
+        parts[-1].end,
+        np.concatenate(times) if times else None,
+    )
 
 
 class _Scan:
@@ -282,127 +326,10 @@ class _Scan:
             gaps=len(self.gap_after),
             packets_missing=int(sum(missing for _, missing in self.gap_after)),
             packet_interval_s=interval,
-            azimuth_step_ticks=float(
-                np.searchsorted(np.cumsum(self.steps), self.steps.sum() / 2)
-            ),
+            azimuth_step_ticks=float(np.searchsorted(np.cumsum(self.steps), self.steps.sum() / 2)),
             azimuth_multiple=common,
             clock=self.clock or "none",
             block_counts=self.blocks,
             product=int(product[0]) if len(product) == 1 else None,
             status_types="".join(statuses) if self.blocks["lower"] and self._clocked else "",
         )
-
-
-def candidates(inspection: Inspection) -> list[Scanner]:
-    """Scanners whose flags and packet rate agree with a recording, best first."""
-    lower = inspection.block_counts["lower"] > 0
-    measured = 1.0 / inspection.packet_interval_s if inspection.packet_interval_s else np.nan
-    fits: list[tuple[float, Scanner]] = []
-    for scanner in SCANNERS.values():
-        if scanner.paired != lower:
-            continue
-        ratios = [abs(np.log(measured / (scanner.packet_rate_hz * returns))) for returns in (1, 2)]
-        mismatch = min(ratios) if np.isfinite(measured) else 0.0
-        if mismatch < np.log1p(RATE_TOLERANCE):
-            fits.append((float(mismatch), scanner))
-    return [scanner for _, scanner in sorted(fits, key=lambda fit: fit[0])]
-
-
-def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[str]:
-    """Check the stated scanner against flags and timing; remarks that are no contradiction.
-
-    Raises
-    ------
-    RecordingError
-        If the recording cannot come from that scanner.
-    """
-    fits = candidates(inspection)
-    if scanner not in fits:
-        rate = 1.0 / inspection.packet_interval_s
-        blocks = inspection.block_counts
-        raise RecordingError(
-            f"is said to come from {scanner.name}, which sends {scanner.packet_rate_hz:.0f} "
-            f"packets/s with block flags {', '.join(f'{flag:04X}' for flag in scanner.flags)}; "
-            f"the recording has {rate:.0f} packets/s, {blocks['upper']} upper and "
-            f"{blocks['lower']} lower blocks",
-            where=where,
-            allowed=", ".join(fit.name for fit in fits) or "no scanner known here",
-            hint="Correct the scanner of this sample.",
-        )
-    remarks = []
-    expected, product = scanner.factory_byte, inspection.product
-    if expected is not None and product is not None and product != expected:
-        remarks.append(
-            f"product byte is 0x{product:02X}, {scanner.name} should send 0x{expected:02X}; "
-            f"the timing agrees with {scanner.name}"
-        )
-    return remarks
-
-
-def window_rotations(
-    index: RotationIndex, window: str, length: int | None, where: str
-) -> NDArray[np.int64]:
-    """Rotations of a window.
-
-    Parameters
-    ----------
-    index : RotationIndex
-    window : {"beginning", "middle", "end", "all"}
-        Which complete rotations; "all" takes every rotation, the cut ones as well.
-    length : int or None
-        Number of rotations of a window; not used by "all".
-    where : str
-        Recording, for the error.
-
-    Raises
-    ------
-    ConfigError
-        If the recording has fewer complete rotations than the three windows need.
-    """
-    if window == "all":
-        return np.arange(len(index))
-    complete = np.flatnonzero(index.complete)
-    if length is None or len(complete) < 3 * length:
-        raise ConfigError(
-            f"{len(complete)} complete rotations, too few for three windows of {length}",
-            where=where,
-            allowed=f"at least {3 * (length or 0)}",
-            hint="Record longer, or lower `windows: rotations` in the configuration.",
-        )
-    start = {
-        "beginning": 0,
-        "middle": (len(complete) - length) // 2,
-        "end": len(complete) - length,
-    }[window]
-    return complete[start : start + length]
-
-
-def read_rotations(
-    path: Path, index: RotationIndex, rotations: NDArray[np.int64]
-) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
-    """Read the packets of some rotations.
-
-    Yields
-    ------
-    chunk : Chunk
-        Sound packets; the first and last of a run may also hold blocks of a neighbour.
-    rotation : ndarray of int64, shape (n, 12)
-        Rotation of every block, -1 where it was not asked for.
-    """
-    framing: Framing = detect(path)
-    wanted = np.zeros(len(index) + 1, dtype=bool)
-    wanted[rotations] = True
-    boundaries = index.packet * BLOCKS + index.block
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
-    with path.open("rb") as file:
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
-            # A rotation that ends inside a packet needs that packet too.
-            stop = int(index.offset[last]) + (1 if index.block[last] else 0)
-            done = int(index.packet[first])
-            ledger = Ledger(file_bytes=0)
-            for chunk in framing.chunks(file, int(index.offset[first]), stop, ledger):
-                n = len(chunk.payloads)
-                number = (done + np.arange(n))[:, None] * BLOCKS + np.arange(BLOCKS)
-                rotation = np.searchsorted(boundaries[:-1], number, side="right") - 1
-                yield chunk, np.where(wanted[rotation], rotation, -1)
-                done += n

@@ -1,0 +1,47 @@
+"""Adjust the parameters of every laser on the medians of one window."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from velocal import schemas, storage
+from velocal.adjustment import settings, tabulate
+from velocal.adjustment.lasers import adjust_all
+from velocal.calibration_files.formats import read_or_nominal
+from velocal.errors import reported
+from velocal.sensors import scanner_named
+from velocal.station import observations, patches_of
+
+
+def main(
+    assigned: Path,
+    survey: Path,
+    calibration: Path | None,
+    adjustment: Path,
+    *,
+    scanner: str,
+    config: Mapping[str, Any],
+) -> None:
+    """Write corrections, standard deviations and quality per laser as CSV."""
+    columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
+    results = adjust_all(
+        observations(columns, patches_of(storage.read_json(survey))),
+        read_or_nominal(calibration, scanner_named(scanner)),
+        config["parameters"],
+        settings.solver(config),
+        settings.stochastic(config),
+    )
+    storage.write_csv(adjustment, tabulate.corrections(results))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        calibration = snakemake.input.calibration
+        main(
+            Path(snakemake.input.assigned),
+            Path(snakemake.input.survey),
+            Path(calibration) if calibration else None,
+            Path(snakemake.output.adjustment),
+            scanner=snakemake.params.scanner,
+            config=snakemake.params.adjustment,
+        )

@@ -1,0 +1,42 @@
+"""Pose of a scanner from the targets of its base, and the planes in its frame."""
+
+from pathlib import Path
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.station import adjust_station, as_dict
+from velocal.survey import read_targets
+
+
+def main(
+    planes: Path,
+    base_scanner: Path,
+    base_field: Path,
+    survey: Path,
+    *,
+    position: str,
+    scanner: str,
+    names: list[str],
+) -> None:
+    """Write pose and planes, with covariances and residuals, as JSON."""
+    station = adjust_station(
+        read_targets(planes, "plane"),
+        read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner)),
+        read_targets(base_field, "position").of(position, where=str(base_field)),
+        names,
+        where=str(planes),
+    )
+    storage.write_json(survey, {"position": position, "scanner": scanner, **as_dict(station)})
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.planes),
+            Path(snakemake.input.base_scanner),
+            Path(snakemake.input.base_field),
+            Path(snakemake.output.survey),
+            position=snakemake.wildcards.position,
+            scanner=snakemake.params.scanner,
+            names=snakemake.params.planes,
+        )

@@ -1,0 +1,57 @@
+"""Find the surveyed plane that every median lies on."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from velocal import schemas, storage
+from velocal.assignment import Gates
+from velocal.calibration_files.formats import read_or_nominal
+from velocal.errors import reported
+from velocal.scans import assigned_scan
+from velocal.sensors import scanner_named
+from velocal.station import patches_of
+
+
+def main(
+    medians: Path,
+    survey: Path,
+    calibration: Path | None,
+    assigned: Path,
+    *,
+    scanner: str,
+    gates: Mapping[str, float],
+) -> None:
+    """Write the medians that lie on a plane as Parquet."""
+    known = scanner_named(scanner)
+    patches = patches_of(storage.read_json(survey))
+    columns, facts = storage.read_table(medians, schemas.MEDIANS)
+    parameters = read_or_nominal(calibration, known)
+    rows = assigned_scan(
+        columns,
+        known,
+        facts["rotation_rate_hz"],
+        parameters,
+        patches,
+        Gates.from_config(gates),
+    )
+    storage.write_table(
+        assigned,
+        schemas.ASSIGNED,
+        rows,
+        **facts,
+        planes=[patch.name for patch in patches],
+        medians=len(columns["laser_id"]),
+    )
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        calibration = snakemake.input.calibration
+        main(
+            Path(snakemake.input.medians),
+            Path(snakemake.input.survey),
+            Path(calibration) if calibration else None,
+            Path(snakemake.output.assigned),
+            scanner=snakemake.params.scanner,
+            gates=snakemake.params.gates,
+        )

@@ -1,0 +1,50 @@
+"""Average the adjustments of samples and windows to a parameter set."""
+
+from pathlib import Path
+
+import numpy as np
+
+from velocal import storage
+from velocal.adjustment.tabulate import read_corrections
+from velocal.averaging import average
+from velocal.calibration_files import formats, table
+from velocal.errors import reported
+from velocal.sensors import scanner_named
+
+
+def main(
+    adjustments: list[Path],
+    calibration: Path | None,
+    csv: Path,
+    yaml: Path,
+    xml: Path,
+    *,
+    scanner: str,
+    windows: int,
+) -> None:
+    """Write the set as CSV with standard deviations, ROS YAML and the vendor's XML.
+
+    The adjustments come sample by sample, `windows` of each.
+    """
+    parts = [read_corrections(storage.read_csv(path)) for path in adjustments]
+    samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
+    mean, std = average(samples)
+    factory = formats.read_or_nominal(calibration, scanner_named(scanner))
+    parameters = factory.corrected(mean)
+    table.write(csv, parameters, {name: np.asarray(value) for name, value in std.items()})
+    formats.write(yaml, parameters)
+    formats.write(xml, parameters)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        calibration = snakemake.input.calibration
+        main(
+            [Path(path) for path in snakemake.input.adjustments],
+            Path(calibration) if calibration else None,
+            Path(snakemake.output.csv),
+            Path(snakemake.output.yaml),
+            Path(snakemake.output.xml),
+            scanner=snakemake.wildcards.scanner,
+            windows=snakemake.params.windows,
+        )

@@ -1,0 +1,29 @@
+"""Scan a recording once: ledger and index of rotations."""
+
+from pathlib import Path
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.recording.identify import check_scanner
+from velocal.recording.rotations import inspect
+from velocal.recording.windows import write_index
+from velocal.sensors import scanner_named
+
+
+def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str) -> None:
+    """Write the ledger as JSON and the index as Parquet."""
+    inspection = inspect(recording)
+    remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
+    write_index(rotations, inspection.index)
+    facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
+    storage.write_json(ledger, {"file": recording.name, **facts})
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.recording),
+            Path(snakemake.output.ledger),
+            Path(snakemake.output.rotations),
+            scanner=snakemake.params.scanner,
+        )

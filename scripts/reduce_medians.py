@@ -1,0 +1,41 @@
+"""Reduce returns to medians per laser and angle cell."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from velocal import schemas, storage
+from velocal.errors import reported
+from velocal.medians import cell_medians
+from velocal.sensors import AZIMUTH_TICK_DEG, scanner_named
+
+
+def main(
+    returns: Path, medians: Path, *, scanner: str, cell_deg: float | None, min_count: int
+) -> None:
+    """Write the medians as Parquet; the cell defaults to the scanner's."""
+    known = scanner_named(scanner)
+    cell = known.cell_ticks if cell_deg is None else round(cell_deg / AZIMUTH_TICK_DEG)
+    columns, facts = storage.read_table(
+        returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
+    )
+    reduced = cell_medians(
+        columns["azimuth"],
+        columns["laser_id"],
+        columns["distance"],
+        lasers_per_firing=known.lasers_per_firing,
+        cell_ticks=cell,
+        min_count=min_count,
+    )
+    facts |= {"cell_ticks": cell, "min_count": min_count}
+    storage.write_table(medians, schemas.MEDIANS, asdict(reduced), **facts)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.returns),
+            Path(snakemake.output.medians),
+            scanner=snakemake.params.scanner,
+            cell_deg=snakemake.params.cell_deg,
+            min_count=snakemake.params.min_count,
+        )

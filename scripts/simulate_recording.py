@@ -1,0 +1,30 @@
+"""Simulate the recording of one sample."""
+
+from pathlib import Path
+
+from velocal.errors import reported
+from velocal.simulation import capture, world
+from velocal.storage import atomic
+from velocal.study import read_yaml
+
+
+def main(
+    world_file: Path, recording: Path, *, sample: str, scanner: str, position: str, rotations: int
+) -> None:
+    """Write the records that the scanner would have sent."""
+    simulated = world.load(read_yaml(world_file))
+    with atomic(recording) as temporary, temporary.open("wb") as file:
+        for block in capture.records(simulated, scanner, position, sample, rotations):
+            file.write(block)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.world),
+            Path(snakemake.output.recording),
+            sample=snakemake.wildcards.sample,
+            scanner=snakemake.params.scanner,
+            position=snakemake.params.position,
+            rotations=snakemake.params.rotations,
+        )

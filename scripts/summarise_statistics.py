@@ -1,0 +1,30 @@
+"""Put the statistics of all windows together, and reduce each window to one row."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.validation import summary_row
+
+
+def main(parts: list[Path], lasers: Path, summary: Path) -> None:
+    """Write one table of all lasers and one of all windows."""
+    every = pd.concat([pd.read_csv(part) for part in parts], ignore_index=True)
+    storage.write_csv(lasers, every)
+    keys = ["scanner", "sample", "window", "data", "calibration"]
+    rows = [
+        {**dict(zip(keys, key, strict=True)), **summary_row(group)}
+        for key, group in every.groupby(keys, sort=False)
+    ]
+    storage.write_csv(summary, pd.DataFrame(rows))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            [Path(path) for path in snakemake.input.statistics],
+            Path(snakemake.output.lasers),
+            Path(snakemake.output.summary),
+        )

@@ -1,0 +1,1 @@
+"""Adjustment of a laser's parameters: functional and stochastic model, solvers, result."""

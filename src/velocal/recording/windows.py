@@ -1,0 +1,112 @@
+"""Windows of rotations: the index as a file, which rotations a window has, their packets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal import schemas, storage
+from velocal.errors import ConfigError
+from velocal.packets import BLOCKS
+from velocal.recording.framing import Chunk, detect
+from velocal.recording.ledger import Ledger
+from velocal.recording.rotations import RotationIndex
+
+
+def write_index(path: Path, index: RotationIndex) -> None:
+    """Write an index as Parquet (`schemas.ROTATIONS`)."""
+    columns = {
+        "offset": index.offset,
+        "block": index.block,
+        "packet": index.packet,
+        "time_s": index.time_s,
+        "complete": np.append(index.complete, False),
+    }
+    storage.write_table(path, schemas.ROTATIONS, columns)
+
+
+def read_index(path: Path) -> RotationIndex:
+    """Read what `write_index` wrote."""
+    columns, _ = storage.read_table(path, schemas.ROTATIONS)
+    return RotationIndex(
+        columns["offset"],
+        columns["block"],
+        columns["packet"],
+        columns["time_s"],
+        columns["complete"][:-1],
+    )
+
+
+def window_rotations(
+    index: RotationIndex, window: str, length: int | None, where: str
+) -> NDArray[np.int64]:
+    """Rotations of a window.
+
+    Parameters
+    ----------
+    index : RotationIndex
+    window : {"beginning", "middle", "end", "all"}
+        Which complete rotations; "all" takes every rotation, the cut ones as well.
+    length : int or None
+        Number of rotations of a window; not used by "all".
+    where : str
+        Recording, for the error.
+
+    Raises
+    ------
+    ConfigError
+        If the recording has fewer complete rotations than the three windows need.
+    """
+    if window == "all":
+        return np.arange(len(index))
+    complete = np.flatnonzero(index.complete)
+    if length is None or len(complete) < 3 * length:
+        raise ConfigError(
+            f"{len(complete)} complete rotations, too few for three windows of {length}",
+            where=where,
+            allowed=f"at least {3 * (length or 0)}",
+            hint="Record longer, or lower `windows: rotations` in the configuration.",
+        )
+    start = {
+        "beginning": 0,
+        "middle": (len(complete) - length) // 2,
+        "end": len(complete) - length,
+    }[window]
+    return complete[start : start + length]
+
+
+def read_rotations(
+    path: Path, index: RotationIndex, rotations: NDArray[np.int64]
+) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
+    """Read the packets of some rotations.
+
+    Yields
+    ------
+    chunk : Chunk
+        Sound packets; the first and last of a run may also hold blocks of a neighbour.
+    rotation : ndarray of int64, shape (n, 12)
+        Rotation of every block, -1 where it was not asked for.
+    """
+    framing = detect(path)
+    wanted = np.zeros(len(index) + 1, dtype=bool)
+    wanted[rotations] = True
+    boundaries = index.packet * BLOCKS + index.block
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
+    with path.open("rb") as file:
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            # A rotation that ends inside a packet needs that packet too.
+            stop = int(index.offset[last]) + (1 if index.block[last] else 0)
+            done = int(index.packet[first])
+            ledger = Ledger(file_bytes=0)
+            for chunk in framing.chunks(file, int(index.offset[first]), stop, ledger):
+                n = len(chunk.payloads)
+                if n == 0:
+                    continue
+                number = (done + np.arange(n))[:, None] * BLOCKS + np.arange(BLOCKS)
+                rotation = np.searchsorted(boundaries[:-1], number, side="right") - 1
+                # Only this run: a rotation shorter than a packet lets two runs share that packet.
+                yield chunk, np.where((rotation >= first) & (rotation < last), rotation, -1)
+                done += n

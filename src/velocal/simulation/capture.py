@@ -1,0 +1,204 @@
+"""Recordings of a simulated scanner: records of 1248 bytes, Ethernet, IP and UDP headers valid."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.beam_model import laser_beams
+from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
+from velocal.sensors import (
+    AZIMUTH_TICK_DEG,
+    AZIMUTH_TICKS,
+    DISTANCE_TICK_M,
+    SCANNERS,
+    Scanner,
+)
+from velocal.simulation.scene import cast, surveyed_field
+from velocal.simulation.truth import drift, position_errors, unit_truth
+from velocal.simulation.world import ScannerWorld, World
+
+CHUNK_PACKETS = 2048
+_HOUR_US = 3_600_000_000
+#: Status of an HDL-64E S2: hours, minutes, seconds, day, month, year, GPS, temperature, firmware.
+_STATUS = [
+    (ord(c), v) for c, v in zip("HMSDNYGTV", (9, 30, 0, 12, 6, 14, 0, 46, 0x28), strict=True)
+]
+
+
+def _network_header() -> bytes:
+    """Ethernet, IPv4 and UDP header of a data packet broadcast by a scanner."""
+    udp = struct.pack(">HHHH", 2368, 2368, 8 + PAYLOAD_BYTES, 0)
+    fields = (0x45, 0, 28 + PAYLOAD_BYTES, 0, 0x4000, 64, 17)
+    addresses = bytes((192, 168, 1, 201)) + bytes((255, 255, 255, 255))
+    ip = struct.pack(">BBHHHBBH", *fields, 0) + addresses
+    total = sum(struct.unpack(">10H", ip))
+    checksum = ~(total % 0xFFFF) & 0xFFFF
+    ip = struct.pack(">BBHHHBBH", *fields, checksum) + addresses
+    ethernet = b"\xff" * 6 + bytes((0x60, 0x76, 0x88, 0, 0, 0)) + b"\x08\x00"
+    return ethernet + ip + udp
+
+
+@dataclass(frozen=True)
+class _Shots:
+    """What a shot at every raw azimuth would measure without noise, for one sample."""
+
+    ticks: NDArray[np.float32]
+    intensity: NDArray[np.uint8]
+
+
+def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
+    """Raw distances (fractional ticks, NaN for none), shape (36000, n)."""
+    unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
+    pose = world.pose(position)
+    surfaces = surveyed_field(world)
+    reflectance = np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)])
+    ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
+    intensity = np.zeros(ticks.shape, dtype=np.uint8)
+    start = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
+    rate = 2.0 * np.pi * unit.rotation_rate_hz
+    pattern = position_errors(world, scanner.name, position)
+    for laser in range(scanner.n_lasers):
+        lasers = np.full(AZIMUTH_TICKS, laser)
+        # A laser that fires late in its firing sees the head turned on.
+        phi = start + rate * scanner.firing_offset_s[laser]
+        direction, origin = laser_beams(phi, lasers, truth.parameters)
+        length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
+        measured = (
+            length * (1.0 + truth.range_scale[laser])
+            - truth.parameters.dl[laser]
+            + pattern[:, laser]
+        )
+        seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
+        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
+        intensity[seen, laser] = reflectance[surface[seen]]
+    return _Shots(ticks, intensity)
+
+
+def records(
+    world: World,
+    scanner_name: str,
+    position: str,
+    sample: str,
+    rotations: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[bytes]:
+    """Simulate the recording of a sample.
+
+    Parameters
+    ----------
+    world : World
+    scanner_name, position, sample : str
+        Scanner, position and name of the sample; the name selects its random stream.
+    rotations : int
+        Complete rotations that the recording holds at least.
+    progress : callable, optional
+        Called with packets done and packets in all.
+
+    Yields
+    ------
+    bytes
+        Records of 1248 bytes, some thousands at a time.
+    """
+    scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
+    rng = world.rng("shots", scanner_name, sample)
+    shots = _shots(world, scanner, position)
+    noise_ticks = (unit_truth(world, scanner_name).noise_m / DISTANCE_TICK_M).astype(np.float32)
+    drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
+    packet_interval = 1.0 / scanner.packet_rate_hz
+    firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
+    # One rotation more and a bit: the recording begins and ends in the middle of one.
+    packets = int(np.ceil((rotations + 1.3) / unit.rotation_rate_hz / packet_interval))
+    first_angle = rng.uniform(0.0, 360.0)
+    first_stamp = int(rng.integers(0, _HOUR_US))
+    header = np.frombuffer(_network_header(), dtype=np.uint8)
+    for begin in range(0, packets, CHUNK_PACKETS):
+        number = np.arange(begin, min(begin + CHUNK_PACKETS, packets))
+        time = number * packet_interval
+        firing_time = time[:, None] + np.arange(firings_per_packet) * (
+            packet_interval / firings_per_packet
+        )
+        angle = first_angle + _turned(firing_time.ravel(), unit)
+        ticks = np.rint(angle / AZIMUTH_TICK_DEG).astype(np.int64) % AZIMUTH_TICKS
+        step = unit.encoder_step_ticks
+        azimuth = np.rint(angle / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step % AZIMUTH_TICKS
+        at = firing_time.ravel() / (packets * packet_interval)
+        # Drift from beginning over middle to end, steady within a packet.
+        shift = _between(drift_ticks, at)
+        distance = _measure(rng, shots.ticks[ticks], shift, noise_ticks, unit)
+        intensity = shots.intensity[ticks] + rng.integers(
+            0, 12, size=distance.shape, dtype=np.uint8
+        )
+        intensity[distance == 0] = 0
+        yield _packed(scanner, number, time, azimuth, distance, intensity, first_stamp, header)
+        if progress is not None:
+            progress(int(number[-1]) + 1, packets)
+
+
+def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64]:
+    """Degrees turned since the start; the rate swings slowly, period 7 s."""
+    swing = 2.0 * np.pi / 7.0
+    wobble = unit.rotation_rate_variation * (1.0 - np.cos(swing * time)) / swing
+    return 360.0 * unit.rotation_rate_hz * (time + wobble)
+
+
+def _between(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Linear interpolation of rows of `nodes` at 0, 1/2 and 1; shape (len(at), n)."""
+    place = np.clip(at, 0.0, 1.0) * (len(nodes) - 1)
+    left = np.minimum(place.astype(np.int64), len(nodes) - 2)
+    share = (place - left)[:, None]
+    return np.asarray(nodes[left] * (1.0 - share) + nodes[left + 1] * share, dtype=np.float32)
+
+
+def _measure(
+    rng: np.random.Generator,
+    ideal: NDArray[np.float32],
+    shift: NDArray[np.float32],
+    noise_ticks: NDArray[np.float32],
+    unit: ScannerWorld,
+) -> NDArray[np.uint16]:
+    """Add drift, noise, outliers and lost shots, and round to ticks."""
+    shots = ideal + shift
+    shots += rng.standard_normal(shots.shape, dtype=np.float32) * noise_ticks
+    outliers = int(rng.binomial(shots.size, unit.errors.outlier_share))
+    where = rng.integers(0, shots.size, outliers)
+    size = unit.errors.outlier_cm * 1e-2 / DISTANCE_TICK_M
+    shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
+    lost = int(rng.binomial(shots.size, unit.dropout))
+    shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan
+    return np.clip(np.rint(np.nan_to_num(shots)), 0, 65535).astype(np.uint16)
+
+
+def _packed(
+    scanner: Scanner,
+    number: NDArray[np.int64],
+    time: NDArray[np.float64],
+    azimuth: NDArray[np.int64],
+    distance: NDArray[np.uint16],
+    intensity: NDArray[np.uint8],
+    first_stamp: int,
+    header: NDArray[np.uint8],
+) -> bytes:
+    """Arrange firings in blocks and packets; upper and lower blocks of a firing in turn."""
+    n = len(number)
+    per_block = len(scanner.flags)
+    block_azimuth = np.repeat(azimuth, per_block).reshape(n, BLOCKS)
+    flag = np.tile(np.array(scanner.flags, dtype=np.uint16), BLOCKS // per_block)
+    stamp = (first_stamp + np.rint(time * 1e6).astype(np.int64)) % _HOUR_US
+    if scanner.paired:
+        status = np.array(_STATUS, dtype=np.uint8)[number % len(_STATUS)]
+    else:
+        status = np.tile(np.array([0x37, scanner.factory_byte], dtype=np.uint8), (n, 1))
+    payload = encode(
+        np.tile(flag, (n, 1)),
+        block_azimuth.astype(np.uint16),
+        distance.reshape(n, BLOCKS, CHANNELS),
+        intensity.reshape(n, BLOCKS, CHANNELS),
+        stamp.astype(np.uint32),
+        status,
+    )
+    return np.concatenate([np.tile(header, (n, 1)), payload], axis=1).tobytes()

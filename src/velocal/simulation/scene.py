@@ -1,0 +1,147 @@
+"""The scene: bounded planes with their deviations from flatness, and beams that meet them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.simulation.world import World
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Smooth deviation of a surface from its plane, metres towards the scanner's side.
+
+    A sum of cosines whose mean is what was printed, and one bump that reaches the printed
+    largest deviation.
+    """
+
+    waves: Array
+    bump: Array
+
+    def __call__(self, across: Array, up: Array) -> Array:
+        """Deviation at coordinates in the plane, metres."""
+        height = np.zeros_like(across)
+        for size, wave_a, wave_b, phase in self.waves:
+            height += size * np.cos(wave_a * across + wave_b * up + phase)
+        if self.bump[0]:
+            size, centre_a, centre_b, width = self.bump
+            square = (across - centre_a) ** 2 + (up - centre_b) ** 2
+            height += size * np.exp(-square / (2.0 * width**2))
+        return height
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A rectangle: corner, two orthonormal axes with extents, and its relief.
+
+    Attributes
+    ----------
+    name : str
+    corner, across, up, normal : ndarray, shape (3,)
+        The normal points to the side from which the surface is seen.
+    size : tuple of float
+        Extent along `across` and `up`, metres.
+    relief : Relief or None
+    """
+
+    name: str
+    corner: Array
+    across: Array
+    up: Array
+    normal: Array
+    size: tuple[float, float]
+    relief: Relief | None = None
+
+    def at(self, a: Array, b: Array) -> Array:
+        """Points of the true surface at coordinates in the plane, shape (n, 3)."""
+        base = self.corner + a[:, None] * self.across + b[:, None] * self.up
+        if self.relief is None:
+            return base
+        return base + self.relief(a, b)[:, None] * self.normal
+
+    def meet(self, origin: Array, direction: Array) -> Array:
+        """Range at which beams, shape (n, 3), meet the surface; infinite where they do not."""
+        towards = direction @ self.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            flat = (self.corner - origin) @ self.normal / towards
+            hit = origin + flat[:, None] * direction - self.corner
+            a, b = hit @ self.across, hit @ self.up
+            inside = (flat > 0) & (a >= 0) & (a <= self.size[0]) & (b >= 0) & (b <= self.size[1])
+            if self.relief is not None:
+                flat = flat + self.relief(a, b) / towards
+        return np.where(inside, flat, np.inf)
+
+
+def _relief(
+    rng: np.random.Generator, size: tuple[float, float], flatness: Mapping[str, float]
+) -> Relief:
+    """Draw a relief whose mean and largest absolute deviation are as printed."""
+    wavelengths = rng.uniform(0.7, 2.5, 6)
+    heading = rng.uniform(0.0, np.pi, 6)
+    waves = np.column_stack(
+        [
+            rng.uniform(0.5, 1.0, 6),
+            2 * np.pi / wavelengths * np.cos(heading),
+            2 * np.pi / wavelengths * np.sin(heading),
+            rng.uniform(0.0, 2 * np.pi, 6),
+        ]
+    )
+    grid = [np.linspace(0.0, extent, 200) for extent in size]
+    a, b = (side.ravel() for side in np.meshgrid(*grid))
+    flat = Relief(waves, np.zeros(4))
+    mean_m, max_m = flatness["mean_mm"] * 1e-3, flatness["max_mm"] * 1e-3
+    height = flat(a, b)
+    # The waves alone must stay below the largest deviation, the bump then reaches it.
+    waves[:, 0] *= min(mean_m / np.mean(np.abs(height)), 0.95 * max_m / np.max(np.abs(height)))
+    top = int(np.argmax(flat(a, b)))
+    bump = np.array([max_m - flat(a, b)[top], a[top], b[top], 0.15])
+    return Relief(waves, bump)
+
+
+def surveyed_field(world: World) -> dict[str, Surface]:
+    """Build the surveyed surfaces and the room behind them, in the field frame."""
+    field: Mapping[str, Any] = world.field
+    ex, ey, ez = np.eye(3)
+    height = field["wall_height_m"]
+
+    def surveyed(
+        name: str, across: Array, up: Array, normal: Array, size: tuple[float, float]
+    ) -> Surface:
+        relief = _relief(world.rng("relief", name), size, field["flatness"][name])
+        return Surface(name, np.zeros(3), across, up, normal, size, relief)
+
+    surfaces = [
+        surveyed("short_wall", ey, ez, ex, (field["short_wall_m"], height)),
+        surveyed("long_wall", ex, ez, ey, (field["long_wall_m"], height)),
+        surveyed("floor", ex, ey, ez, tuple(field["floor_m"])),
+    ]
+    (x0, x1), (y0, y1), top = field["room_x_m"], field["room_y_m"], field["room_height_m"]
+    corner = np.array([x0, y0, 0.0])
+    wide, deep = x1 - x0, y1 - y0
+    surfaces += [
+        Surface("room_left", corner, ey, ez, ex, (deep, top)),
+        Surface("room_right", corner + wide * ex, ey, ez, -ex, (deep, top)),
+        Surface("room_front", corner, ex, ez, ey, (wide, top)),
+        Surface("room_back", corner + deep * ey, ex, ez, -ey, (wide, top)),
+        # A hair below the surveyed part, which therefore is met first.
+        Surface("room_floor", corner - 0.004 * ez, ex, ey, ez, (wide, deep)),
+        Surface("room_ceiling", corner + top * ez, ex, ey, -ez, (wide, deep)),
+    ]
+    return {surface.name: surface for surface in surfaces}
+
+
+def cast(
+    surfaces: dict[str, Surface], origin: Array, direction: Array
+) -> tuple[Array, NDArray[np.int64]]:
+    """Range and index of the first surface that each beam meets; infinite and -1 for none."""
+    ranges = np.stack([surface.meet(origin, direction) for surface in surfaces.values()])
+    first = np.argmin(ranges, axis=0)
+    nearest = np.take_along_axis(ranges, first[None], axis=0)[0]
+    return nearest, np.where(np.isfinite(nearest), first, -1)

@@ -1,0 +1,121 @@
+"""Constants of the simulated world as typed objects, and its random streams."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from velocal.errors import ConfigError
+from velocal.rigid import RigidTransformation, rotation_from_vector
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """Errors of a scanner; units in the names, standard deviations unless named otherwise."""
+
+    dl_mean_cm: float
+    dl_cm: float
+    alpha_deg: float
+    v_deg: float
+    range_scale_cm_per_m: float
+    pattern_median_cm: float
+    pattern_log: float
+    pattern_kernel_deg: float
+    noise_median_cm: float
+    noise_log: float
+    shift_mean_cm: Mapping[str, float]
+    shift_cm: float
+    drift_laser_cm: float
+    drift_common_cm: float
+    drift_window_cm: float
+    outlier_share: float
+    outlier_cm: float
+
+
+@dataclass(frozen=True)
+class FactoryModel:
+    """How the factory values of a unit scatter about the design."""
+
+    dist_mean_m: float
+    dist_cm: float
+    rotational_unit_deg: float
+    rotational_deg: float
+    vertical_unit_deg: float
+    vertical_deg: float
+
+
+@dataclass(frozen=True)
+class ScannerWorld:
+    """A simulated unit."""
+
+    rotation_rate_hz: float
+    rotation_rate_variation: float
+    encoder_step_ticks: int
+    min_range_m: float
+    dropout: float
+    base_targets: Mapping[str, Any]
+    base_scanner_std_mm: float
+    base_field_std_mm: float
+    factory: FactoryModel | None
+    errors: ErrorModel
+
+
+@dataclass(frozen=True)
+class World:
+    """The whole world: field, positions, units, seed."""
+
+    seed: int
+    field: Mapping[str, Any]
+    positions: Mapping[str, Mapping[str, float]]
+    scanners: Mapping[str, ScannerWorld]
+
+    def rng(self, *stream: str) -> np.random.Generator:
+        """Random stream of its own for every name: a new sample changes no other."""
+        keys = [zlib.crc32(part.encode()) for part in stream]
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=keys))
+
+    def pose(self, position: str) -> RigidTransformation:
+        """True `T_field_scanner` of a position."""
+        where = self.positions[position]
+        # Heading is clockwise from the field's Y axis, as the rotational angle is.
+        turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
+        tilt = rotation_from_vector(
+            np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
+        )
+        translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
+        return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+
+    def scanner(self, name: str) -> ScannerWorld:
+        """Look up a simulated unit.
+
+        Raises
+        ------
+        ConfigError
+            If the world has no such scanner.
+        """
+        if name not in self.scanners:
+            raise ConfigError(
+                f"the simulated world has no scanner {name!r}",
+                allowed=", ".join(self.scanners),
+                hint="Describe it under `scanners:` of the world file.",
+            )
+        return self.scanners[name]
+
+
+def load(content: Mapping[str, Any]) -> World:
+    """Build a world from the (already validated) content of a world file."""
+    scanners = {}
+    for name, unit in content["scanners"].items():
+        factory = unit["factory"]
+        scanners[name] = ScannerWorld(
+            **{
+                **{field.name: unit[field.name] for field in fields(ScannerWorld)},
+                "factory": FactoryModel(**factory) if factory else None,
+                "errors": ErrorModel(**unit["errors"]),
+            }
+        )
+    return World(content["seed"], content["field"], content["positions"], scanners)

@@ -1,0 +1,129 @@
+"""A surveyed position: pose of the scanner, and the planes of the field in its frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.adjustment.lasers import Observations
+from velocal.planes import Patch, Plane, PlaneFit, fit_plane, hull_patch
+from velocal.rigid import RigidAdjustment, adjust_rigid
+from velocal.survey import Targets, common
+
+
+@dataclass(frozen=True)
+class Station:
+    """Result of the survey of one position.
+
+    Attributes
+    ----------
+    pose : RigidAdjustment
+        ``T_scanner_field`` with residuals and covariance.
+    base_targets : tuple of str
+        Targets that the pose was adjusted from.
+    planes : list of PlaneFit
+        In the scanner frame, in the order of `patches`.
+    patches : list of Patch
+        The same, bounded by the hulls of their targets.
+    """
+
+    pose: RigidAdjustment
+    base_targets: tuple[str, ...]
+    planes: list[PlaneFit]
+    patches: list[Patch]
+
+
+def adjust_station(
+    planes: Targets, base_scanner: Targets, base_field: Targets, names: Sequence[str], *, where: str
+) -> Station:
+    """Adjust pose and planes of a position.
+
+    Parameters
+    ----------
+    planes : Targets
+        Targets of walls and floor in the field frame, grouped by plane.
+    base_scanner, base_field : Targets
+        Targets of the scanner's base in the scanner frame and in the field frame.
+    names : sequence of str
+        Planes to use.
+    where : str
+        Survey file, for errors.
+
+    Raises
+    ------
+    SurveyError
+        If targets are too few or lie on a line.
+    """
+    field, scanner = common(base_field, base_scanner, where=where)
+    pose = adjust_rigid(field.xyz, scanner.xyz, field.covariance(), scanner.covariance())
+    fits, patches = [], []
+    for name in names:
+        targets = planes.of(name, where=where)
+        points = pose.transformation.apply(targets.xyz)
+        # Equal in all directions: the mean variance of the three coordinates.
+        fit = fit_plane(points, np.sqrt(np.mean(targets.std**2, axis=1)))
+        fits.append(fit)
+        patches.append(hull_patch(name, fit, points))
+    return Station(pose, field.name, fits, patches)
+
+
+def as_dict(station: Station) -> dict[str, Any]:
+    """Plain mapping of a station, for JSON; `patches_of` reads it back."""
+    pose = station.pose
+    return {
+        "pose": {
+            "name": "T_scanner_field",
+            "rotation": pose.transformation.rotation,
+            "translation_m": pose.transformation.translation,
+            "covariance_rad_m": pose.transformation.covariance,
+            "targets": list(station.base_targets),
+            "residuals_m": pose.residuals,
+            "variance_factor": pose.variance_factor,
+            "redundancy": pose.redundancy,
+        },
+        "planes": [
+            {
+                "name": patch.name,
+                "normal": patch.plane.normal,
+                "offset_m": patch.plane.offset,
+                "covariance": patch.plane.covariance,
+                "abc_per_m": patch.plane.general_form() if patch.plane.offset else None,
+                "corners_m": patch.corners,
+                "targets": len(fit.residuals),
+                "flatness_mean_m": fit.flatness_mean_m,
+                "flatness_max_m": fit.flatness_max_m,
+                "variance_factor": fit.variance_factor,
+            }
+            for patch, fit in zip(station.patches, station.planes, strict=True)
+        ],
+    }
+
+
+def patches_of(content: Mapping[str, Any]) -> list[Patch]:
+    """Patches out of what `as_dict` gave."""
+    return [
+        Patch(
+            plane["name"],
+            Plane(np.array(plane["normal"]), plane["offset_m"], np.array(plane["covariance"])),
+            np.array(plane["corners_m"]),
+        )
+        for plane in content["planes"]
+    ]
+
+
+def observations(columns: Mapping[str, NDArray[Any]], patches: Sequence[Patch]) -> Observations:
+    """Observations of assigned returns: columns of `schemas.ASSIGNED` with their planes."""
+    normals = np.stack([patch.plane.normal for patch in patches])
+    offsets = np.array([patch.plane.offset for patch in patches])
+    plane = columns["plane"]
+    return Observations(
+        columns["distance_m"],
+        columns["phi_rad"],
+        columns["laser_id"],
+        normals[plane],
+        offsets[plane],
+    )

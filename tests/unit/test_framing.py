@@ -1,0 +1,298 @@
+"""Payloads out of files: nothing sound is lost, and every byte is accounted for."""
+
+import struct
+
+import numpy as np
+import pytest
+from capture_helpers import (
+    FIRST_SECOND,
+    PAYLOAD,
+    as_bytes,
+    pcap,
+    pcap_head,
+    pcap_packet,
+    record_list,
+    scan,
+    spin,
+    udp_frame,
+    vlan_frame,
+    write,
+)
+
+from velocal.errors import RecordingError
+from velocal.recording import framing
+from velocal.recording.rotations import inspect
+
+N = 24
+ALL = list(range(N))
+
+
+def without(*lost: int) -> list[int]:
+    return [number for number in ALL if number not in lost]
+
+
+def flagless(record: bytes) -> bytes:
+    """The record with the flag of its first block gone."""
+    at = len(record) - PAYLOAD
+    return record[:at] + b"\x00\x00" + record[at + 2 :]
+
+
+def beyond(record: bytes) -> bytes:
+    """The record with an azimuth of 360.01 degrees in its third block."""
+    at = len(record) - PAYLOAD + 202
+    return record[:at] + struct.pack("<H", 36_001) + record[at + 2 :]
+
+
+def replaced(records: list[bytes], changed: dict[int, bytes]) -> list[bytes]:
+    return [changed.get(number, record) for number, record in enumerate(records)]
+
+
+JUNK = b"\x55" * 100
+FLAG, TURN = "unknown block flag", "azimuth beyond one turn"
+CUT = "record cut short at the end of the file"
+LOST = "bytes without a record"
+
+
+def damaged_records(name: str, records: list[bytes]):
+    """File content, numbers of the payloads that survive, and what the ledger must reject."""
+    r, size = records, len(records[0])
+    split = r[5][:600] + JUNK + r[5][600:]
+    match name:
+        case "sound":
+            return r, ALL, {}
+        case "cut tail":
+            return [*r[:-1], r[-1][:-500]], ALL[:-1], {CUT: (1, size - 500)}
+        case "junk within":
+            return replaced(r, {5: split}), without(5), {LOST: (1, size + 100)}
+        case "junk between":
+            return [*r[:5], JUNK, *r[5:]], ALL, {LOST: (1, 100)}
+        case "junk before":
+            return [JUNK, *r], ALL, {LOST: (1, 100)}
+        case "junk at two places":
+            content = replaced(r, {5: split, 9: r[9][:700] + r[9][701:]})
+            return content, without(5, 9), {LOST: (2, 2 * size + 99)}
+        case "one bad":
+            return replaced(r, {5: flagless(r[5])}), without(5), {FLAG: (1, size)}
+        case "every second bad":
+            bad = {k: flagless(r[k]) for k in range(1, 10, 2)}
+            return replaced(r, bad), without(*bad), {FLAG: (5, 5 * size)}
+        case "three bad in a row":
+            bad = {k: flagless(r[k]) for k in (5, 6, 7)}
+            return replaced(r, bad), without(*bad), {LOST: (1, 3 * size)}
+        case "first bad":
+            return replaced(r, {0: flagless(r[0])}), without(0), {FLAG: (1, size)}
+        case "second bad":
+            return replaced(r, {1: flagless(r[1])}), without(1), {FLAG: (1, size)}
+        case "last bad":
+            return replaced(r, {N - 1: flagless(r[-1])}), ALL[:-1], {LOST: (1, size)}
+        case "azimuth":
+            bad = {k: beyond(r[k]) for k in (5, 6)}
+            return replaced(r, bad), without(5, 6), {TURN: (2, 2 * size)}
+    raise AssertionError(name)
+
+
+RECORD_CASES = [
+    "sound", "cut tail", "junk within", "junk between", "junk before", "junk at two places",
+    "one bad", "every second bad", "three bad in a row", "first bad", "second bad", "last bad",
+    "azimuth",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def payloads() -> np.ndarray:
+    return spin(N)
+
+
+def assert_found(path, payloads, survivors, rejected) -> None:
+    found, offsets, _, ledger = scan(path)
+    content = path.read_bytes()
+    header = 0 if ledger.framing.endswith("1206 bytes") else 42
+    header += 16 if ledger.framing == "pcap" else 0
+    np.testing.assert_array_equal(found, payloads[survivors])
+    for offset, payload in zip(offsets, found, strict=True):
+        assert content[offset + header :][:PAYLOAD] == bytes(payload)
+    counted = {reason: (c.packets, c.bytes) for reason, c in ledger.rejected.items()}
+    assert counted == rejected
+    assert ledger.data.packets == len(survivors)
+    assert ledger.data.bytes == len(survivors) * PAYLOAD
+    assert ledger.unaccounted_bytes == 0
+    full = inspect(path).ledger
+    assert full == ledger
+    assert full.as_dict()["unaccounted_bytes"] == 0
+
+
+@pytest.mark.parametrize("header", [0, 42])
+@pytest.mark.parametrize("case", RECORD_CASES)
+def test_records(case, header, payloads, tmp_path):
+    content, survivors, rejected = damaged_records(case, record_list(payloads, header))
+    path = write(tmp_path, content)
+    assert framing.detect(path).name == f"records of {header + PAYLOAD} bytes"
+    assert_found(path, payloads, survivors, rejected)
+
+
+PACKET = 16 + 42 + PAYLOAD
+GARBAGE = b"\xfe" * 16
+PCAP_CUT = "packet cut short at the end of the file"
+PCAP_LOST = "bytes without a packet header"
+
+
+def damaged_pcap(name: str, payloads: np.ndarray, order: str, ticks: int):
+    """Like `damaged_records`, with the number of position packets at the end."""
+    frames = [udp_frame(payload) for payload in as_bytes(payloads)]
+
+    def packet(frame: bytes, number: int = 0, captured: int | None = None) -> bytes:
+        return pcap_packet(frame, number, order=order, ticks=ticks, captured=captured)
+
+    p = [packet(frame, number) for number, frame in enumerate(frames)]
+    head = pcap_head(order, ticks)
+    extra, survivors, rejected, position = {}, ALL, {}, 0
+    match name:
+        case "sound":
+            pass
+        case "cut in payload":
+            extra, survivors, rejected = {N - 1: p[-1][:-7]}, ALL[:-1], {PCAP_CUT: (1, PACKET - 7)}
+        case "cut in header":
+            extra, survivors, rejected = {N - 1: p[-1][:9]}, ALL[:-1], {PCAP_CUT: (1, 9)}
+        case "position":
+            extra = {3: packet(udp_frame(bytes(512))) + p[3], 4: packet(udp_frame(bytes(512)))}
+            survivors, position = without(4), 2
+        case "foreign":
+            extra = {3: packet(udp_frame(b"x" * 100)) + p[3]}
+            rejected = {"payload of 100 bytes": (1, 158)}
+        case "not udp":
+            extra = {3: packet(udp_frame(bytes(PAYLOAD), protocol=6)) + p[3]}
+            rejected = {"not UDP, or with IP options": (1, PACKET)}
+        case "arp":
+            extra = {3: packet(b"\xff" * 12 + b"\x08\x06" + bytes(28)) + p[3]}
+            rejected = {"not IPv4 over Ethernet": (1, 58)}
+        case "vlan":
+            extra, survivors = {3: packet(vlan_frame(bytes(payloads[3])))}, without(3)
+            rejected = {"not IPv4 over Ethernet": (1, PACKET + 4)}
+        case "short capture":
+            extra, survivors = {3: packet(frames[3], captured=100)}, without(3)
+            rejected = {"captured 100 of 1248 bytes": (1, 116)}
+        case "bad flag":
+            extra, survivors = {3: flagless(p[3])}, without(3)
+            rejected = {FLAG: (1, PACKET)}
+        case "damaged header":
+            extra, survivors = {5: GARBAGE + p[5][16:]}, without(5)
+            rejected = {PCAP_LOST: (1, PACKET)}
+        case "first header damaged":
+            extra, survivors = {0: GARBAGE + p[0][16:]}, without(0)
+            rejected = {PCAP_LOST: (1, PACKET)}
+        case "last header damaged":
+            extra, survivors = {N - 1: GARBAGE + p[-1][16:]}, without(N - 1)
+            rejected = {PCAP_LOST: (1, PACKET)}
+        case "four bytes lost":
+            # The next length is then read where its double lies, and that one as ff:ff:ff:ff.
+            extra, survivors = {5: p[5][:700] + p[5][704:]}, without(5, 6)
+            rejected = {FLAG: (1, PACKET), PCAP_LOST: (1, PACKET - 4)}
+    return [head, *replaced(p, extra)], survivors, rejected, position
+
+
+PCAP_CASES = [
+    "sound", "cut in payload", "cut in header", "position", "foreign", "not udp", "arp", "vlan",
+    "short capture", "bad flag", "damaged header", "first header damaged", "last header damaged",
+    "four bytes lost",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("order", "ticks"), [("<", 10**6), (">", 10**6), ("<", 10**9), (">", 10**9)]
+)
+@pytest.mark.parametrize("case", PCAP_CASES)
+def test_pcap(case, order, ticks, payloads, tmp_path):
+    content, survivors, rejected, position = damaged_pcap(case, payloads, order, ticks)
+    path = write(tmp_path, content)
+    assert_found(path, payloads, survivors, rejected)
+    _, _, times, ledger = scan(path)
+    np.testing.assert_allclose(
+        times - FIRST_SECOND, 0.04 + 553e-6 * np.array(survivors), rtol=0, atol=3e-7
+    )
+    assert ledger.position.packets == position
+    assert ledger.position.bytes == position * (16 + 42 + 512)
+
+
+# Records are judged by the one that follows, so a chunk holds two of them at least.
+CHUNKS = [1300, 2500, 5000, 5001, 20_000]
+
+
+@pytest.mark.parametrize("chunk_bytes", CHUNKS[1:])
+@pytest.mark.parametrize("case", RECORD_CASES)
+def test_records_do_not_depend_on_the_chunk(chunk_bytes, case, payloads, tmp_path, monkeypatch):
+    monkeypatch.setattr(framing, "CHUNK_BYTES", chunk_bytes)
+    monkeypatch.setattr(framing, "SEARCH_BYTES", 1300)
+    content, survivors, rejected = damaged_records(case, record_list(payloads, 42))
+    assert_found(write(tmp_path, content), payloads, survivors, rejected)
+
+
+@pytest.mark.parametrize("chunk_bytes", CHUNKS)
+@pytest.mark.parametrize("case", PCAP_CASES)
+def test_pcap_does_not_depend_on_the_chunk(chunk_bytes, case, payloads, tmp_path, monkeypatch):
+    monkeypatch.setattr(framing, "CHUNK_BYTES", chunk_bytes)
+    monkeypatch.setattr(framing, "SEARCH_BYTES", 1300)
+    content, survivors, rejected, _ = damaged_pcap(case, payloads, "<", 10**6)
+    assert_found(write(tmp_path, content), payloads, survivors, rejected)
+
+
+@pytest.mark.parametrize("header", [0, 42])
+def test_a_long_stretch_of_junk_is_skipped(header, payloads, tmp_path, monkeypatch):
+    """Longer than a chunk, and all of its bytes look like the beginning of a flag."""
+    monkeypatch.setattr(framing, "CHUNK_BYTES", 5000)
+    monkeypatch.setattr(framing, "SEARCH_BYTES", 4000)
+    records = record_list(payloads, header)
+    junk = b"\xff" * 17_003
+    path = write(tmp_path, [*records[:9], junk, *records[9:]])
+    assert_found(path, payloads, ALL, {LOST: (1, len(junk))})
+
+
+@pytest.mark.parametrize("header", [0, 42])
+def test_one_record_is_a_recording(header, payloads, tmp_path):
+    path = write(tmp_path, record_list(payloads[:1], header))
+    assert_found(path, payloads, [0], {})
+
+
+def test_packets_that_begin_in_a_stretch(payloads, tmp_path):
+    """Those and no others, whatever lies before and after."""
+    path = write(tmp_path, pcap(payloads))
+    kind = framing.detect(path)
+    _, offsets, _, ledger = scan(path)
+    with path.open("rb") as file:
+        found = list(kind.chunks(file, int(offsets[3]), int(offsets[8]), ledger))
+    np.testing.assert_array_equal(np.concatenate([c.payloads for c in found]), payloads[3:8])
+
+
+PAYLOADS_WITH_GAPS = b"".join(bytes(p) + b"\x07" * 20 for p in spin(N))
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "is empty"),
+        (b"x,y,z\n1,2,3\n" * 3000, "no Velodyne data packet"),
+        (b"short", "no Velodyne data packet"),
+        (b"\xd4\xc3\xb2\xa1", "no Velodyne data packet"),
+        (pcap_head(link=113) + bytes(100), "link type 113"),
+        (pcap_head(), "no sound data packet"),
+        (pcap_head() + pcap_packet(udp_frame(bytes(512))), "no sound data packet"),
+        # Another container (a ROS bag, a pcapng) may hold the same payloads.
+        (PAYLOADS_WITH_GAPS, "no Velodyne data packet"),
+    ],
+    ids=["empty", "text", "short", "magic only", "link", "no packets", "position", "container"],
+)
+def test_what_is_no_recording(content, says, tmp_path):
+    path = write(tmp_path, content, "thing.bin")
+    with pytest.raises(RecordingError, match=says) as caught:
+        inspect(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(RecordingError, match="No such file") as caught:
+        inspect(tmp_path / "absent.pcap")
+    assert "Hint:" in str(caught.value)
+
+
+def test_a_folder(tmp_path):
+    with pytest.raises(RecordingError, match="cannot be read"):
+        inspect(tmp_path)

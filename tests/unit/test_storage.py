@@ -1,0 +1,191 @@
+"""Files of our own: whole or absent, the same bytes for the same content, never mistaken."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from velocal import schemas, storage
+from velocal.errors import StorageError
+
+
+def medians(n: int = 1000) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return {
+        "laser_id": rng.integers(0, 64, n).astype(np.uint8),
+        "azimuth": rng.uniform(0, 36_000, n).astype(np.float32),
+        "distance": rng.uniform(0, 60_000, n).astype(np.float32),
+        "spread": rng.uniform(0, 9, n).astype(np.float32),
+        "count": rng.integers(1, 100, n).astype(np.uint16),
+    }
+
+
+def write_parquet(path):
+    storage.write_table(path, schemas.MEDIANS, medians(), scanner="HDL-64E", rate=9.9)
+
+
+def write_json(path):
+    storage.write_json(path, {"b": np.arange(3), "a": np.float64(0.1), "t": {"x": True}})
+
+
+def write_csv(path):
+    storage.write_csv(path, pd.DataFrame({"laser": [1, 2], "std_cm": [0.1, 1 / 3]}))
+
+
+WRITERS = [write_parquet, write_json, write_csv]
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_same_content_same_bytes(write, tmp_path):
+    paths = [tmp_path / "a" / "file", tmp_path / "b" / "deep" / "file"]
+    for path in paths:
+        write(path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    write(paths[0])
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert [p.name for p in paths[0].parent.iterdir()] == ["file"]
+
+
+def files(folder) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("there_before", [False, True])
+def test_a_failed_write_leaves_nothing_behind(there_before, tmp_path):
+    path = tmp_path / "file"
+    if there_before:
+        path.write_text("old")
+
+    def fail() -> None:
+        with storage.atomic(path) as temporary:
+            temporary.write_text("half")
+            assert temporary.parent == path.parent
+            raise RuntimeError("disk on fire")
+
+    with pytest.raises(RuntimeError, match="disk on fire"):
+        fail()
+    assert files(tmp_path) == (["file"] if there_before else [])
+    if there_before:
+        assert path.read_text() == "old"
+
+
+def test_a_failed_table_leaves_nothing_behind(tmp_path):
+    path = tmp_path / "medians.parquet"
+
+    def fail() -> None:
+        with storage.table_writer(path, schemas.MEDIANS) as writer:
+            writer.write(medians())
+            writer.write({"laser_id": np.zeros(3, np.uint8)})  # columns are missing
+
+    with pytest.raises(KeyError):
+        fail()
+    assert files(tmp_path) == []
+    with pytest.raises(TypeError):
+        storage.write_json(tmp_path / "x.json", {"a": object()})
+    assert files(tmp_path) == []
+
+
+def test_a_table_comes_back(tmp_path):
+    path = tmp_path / "medians.parquet"
+    sent = medians()
+    with storage.table_writer(path, schemas.MEDIANS, planes=["wall"], n=np.int64(3)) as writer:
+        for part in (slice(0, 300), slice(300, 300), slice(300, None)):
+            writer.write({name: column[part] for name, column in sent.items()})
+    columns, facts = storage.read_table(path, schemas.MEDIANS)
+    assert list(columns) == [field.name for field in schemas.MEDIANS]
+    for name, column in sent.items():
+        assert columns[name].dtype == column.dtype
+        np.testing.assert_array_equal(columns[name], column)
+    assert facts == {"planes": ["wall"], "n": 3}
+    some, _ = storage.read_table(path, schemas.MEDIANS, columns=["count"])
+    assert list(some) == ["count"]
+
+
+def test_numbers_too_large_for_a_column_are_refused(tmp_path):
+    with pytest.raises(pa.ArrowInvalid):
+        storage.write_table(
+            tmp_path / "x", schemas.MEDIANS, {**medians(), "count": np.full(1000, 70_000)}
+        )
+    assert files(tmp_path) == []
+
+
+def test_a_table_of_another_kind(tmp_path):
+    path = tmp_path / "medians.parquet"
+    write_parquet(path)
+    with pytest.raises(StorageError, match=r"velocal\.kind is 'medians'") as caught:
+        storage.read_table(path, schemas.RETURNS)
+    assert "allowed: 'returns'" in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_table_of_another_version(tmp_path):
+    path = tmp_path / "medians.parquet"
+    old = schemas.MEDIANS.with_metadata({"velocal.kind": "medians", "velocal.version": "0"})
+    storage.write_table(path, old, medians())
+    with pytest.raises(StorageError, match=r"velocal\.version is '0'") as caught:
+        storage.read_table(path, schemas.MEDIANS)
+    assert "Hint:" in str(caught.value)
+
+
+def test_a_table_of_somebody_else(tmp_path):
+    path = tmp_path / "x.parquet"
+    pq.write_table(pa.table({"laser_id": [1, 2]}), path)
+    with pytest.raises(StorageError, match=r"velocal\.kind is 'none'"):
+        storage.read_table(path, schemas.MEDIANS)
+
+
+def test_damaged_tables(tmp_path):
+    path = tmp_path / "medians.parquet"
+    with pytest.raises(StorageError, match="cannot be read"):
+        storage.read_table(path, schemas.MEDIANS)
+    write_parquet(path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(StorageError, match="cannot be read"):
+        storage.read_table(path, schemas.MEDIANS)
+
+
+def test_json_keeps_all_digits_and_knows_no_nan(tmp_path):
+    path = tmp_path / "x.json"
+    numbers = np.random.default_rng(1).normal(size=20)
+    storage.write_json(
+        path,
+        {"v": numbers, "bad": [np.nan, {"deep": np.inf}], "n": np.int64(7), "none": None},
+    )
+    assert "NaN" not in path.read_text()
+    found = storage.read_json(path)
+    np.testing.assert_array_equal(found["v"], numbers)
+    assert found["bad"] == [None, {"deep": None}]
+    assert found["n"] == 7
+    assert path.read_bytes().endswith(b"}\n")
+    assert b"\r" not in path.read_bytes()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1, 2]", "nonsense"])
+def test_bad_json(content, tmp_path):
+    path = tmp_path / "x.json"
+    path.write_text(content)
+    with pytest.raises(StorageError, match=str(path)):
+        storage.read_json(path)
+
+
+def test_csv(tmp_path):
+    path = tmp_path / "x.csv"
+    table = pd.DataFrame({"laser": [1, 2], "std_cm": [0.1, 1 / 3]})
+    storage.write_csv(path, table)
+    assert path.read_bytes() == b"laser,std_cm\n1,0.1\n2,0.3333333333333333\n"
+    storage.write_csv(path, table, digits=2)
+    assert path.read_bytes() == b"laser,std_cm\n1,0.10\n2,0.33\n"
+
+
+@pytest.mark.parametrize(
+    "schema",
+    [value for value in vars(schemas).values() if isinstance(value, pa.Schema)],
+    ids=lambda schema: schema.metadata[b"velocal.kind"].decode(),
+)
+def test_every_column_has_a_unit_and_a_description(schema):
+    assert schema.metadata[b"velocal.version"].decode() == schemas.VERSION
+    for field in schema:
+        assert field.metadata[b"unit"]
+        assert field.metadata[b"description"]
+        assert not field.nullable

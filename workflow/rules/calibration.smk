@@ -1,0 +1,67 @@
+# From medians on surveyed planes to parameter sets.
+#
+# in:   medians of a window, planes of its position, the factory's calibration
+# out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
+#       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
+#                                                          rank and what is held, per laser
+#       {results}/parameter_sets/{scanner}/{set}.*         csv, ROS yaml and vendor's db.xml
+
+
+rule assign_medians:
+    input:
+        medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
+        calibration=calibration_file,
+    output:
+        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        gates=config.get("assignment", {}).get("gates"),
+        library=library("assign_medians"),
+    log:
+        f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/assign_medians.py"
+
+
+rule adjust_lasers:
+    input:
+        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
+        calibration=calibration_file,
+    output:
+        adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        adjustment=config.get("adjustment"),
+        library=library("adjust_lasers"),
+    log:
+        f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/adjust_lasers.py"
+
+
+rule average_set:
+    input:
+        adjustments=lambda wildcards: per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
+            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+        ),
+        calibration=factory_of_scanner,
+    output:
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
+        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
+        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
+    params:
+        windows=len(WINDOWS),
+        library=library("average_set"),
+    log:
+        f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/average_set.py"

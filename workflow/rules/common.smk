@@ -1,0 +1,94 @@
+# Sheets and helpers; no rules. Everything is checked here, before the DAG: a sheet that names a
+# missing recording would otherwise be answered by "Nothing to be done" while old results lie there.
+
+from pathlib import Path
+
+from velocal.errors import VelocalError
+from velocal.provenance import library_digest
+from velocal.study import WHOLE, WINDOWS, check, check_files, read_study, read_yaml
+
+WORKFLOW = Path(workflow.basedir) if Path(workflow.basedir).name == "workflow" else (
+    Path(workflow.basedir) / "workflow"
+)
+SCRIPTS = WORKFLOW.parent / "scripts"
+CONFIG_NAME = "configuration"
+
+try:
+    STUDY = read_study(config, WORKFLOW / "schemas", CONFIG_NAME)
+    RESULTS = config["results"].rstrip("/")
+    WORLD = config.get("simulation", {}).get("world")
+    if WORLD:
+        check(read_yaml(Path(WORLD)), read_yaml(WORKFLOW / "schemas/world.schema.yaml"), WORLD)
+    check_files(STUDY, f"{RESULTS}/simulation" if WORLD else None, CONFIG_NAME)
+except VelocalError as error:
+    raise WorkflowError(str(error)) from None
+
+
+def one_of(names):
+    """Wildcard constraint: one of some names, or nothing at all."""
+    return "|".join(map(re.escape, names)) or "(?!)"
+
+
+wildcard_constraints:
+    sample=one_of(STUDY.samples),
+    window=one_of([*WINDOWS, WHOLE]),
+    position=one_of(STUDY.positions),
+    scanner=one_of(dict.fromkeys(s.scanner for s in STUDY.samples.values())),
+    parameter_set=r"\w+",
+    table=r"\d",
+    figure=r"\d\d",
+
+
+def library(script):
+    """Digest of the library modules that a script imports, so that it reruns when one changes."""
+    return library_digest(SCRIPTS / f"{script}.py")
+
+
+def sample_of(wildcards):
+    return STUDY.samples[wildcards.sample]
+
+
+def calibration_file(wildcards):
+    """Factory calibration of a sample, as input; nothing for nominal values."""
+    path = sample_of(wildcards).calibration
+    return [] if path == "nominal" else path
+
+
+def factory_of_scanner(wildcards):
+    """Factory calibration of the scanner of a parameter set."""
+    samples = [s for s in STUDY.surveyed.values() if s.scanner == wildcards.scanner]
+    return [] if samples[0].calibration == "nominal" else samples[0].calibration
+
+
+def per_window(pattern, samples):
+    """Paths of a pattern for all windows of samples."""
+    return [
+        expand(pattern, sample=name, window=window)[0]
+        for name in samples
+        for window in STUDY.samples[name].windows
+    ]
+
+
+def set_files(suffixes=("csv", "yaml", "xml")):
+    return [
+        f"{RESULTS}/parameter_sets/{scanner}/{name}.{suffix}"
+        for scanner, sets in STUDY.parameter_sets.items()
+        for name in sets
+        for suffix in suffixes
+    ]
+
+
+def targets():
+    """Everything that the study asks for."""
+    wanted = [f"{RESULTS}/report.html"]
+    if STUDY.surveyed:
+        wanted += set_files()
+        wanted += [f"{RESULTS}/statistics/{name}.csv" for name in ("lasers", "summary")]
+        wanted += table_files() + figure_files()
+        if config.get("compare_with_paper"):
+            wanted.append(f"{RESULTS}/published/agreement.csv")
+        if WORLD:
+            wanted += [f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners]
+    if STUDY.field:
+        wanted += field_files()
+    return wanted

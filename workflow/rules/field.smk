@@ -1,0 +1,56 @@
+# Recordings without a survey ("field samples"): how well does each laser see a flat thing flat?
+#
+# in:   medians of the whole recording, a calibration (a file, or nominal values)
+# out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
+#       {results}/field/{sample}/lasers.csv       std of s per plane and laser
+#       {results}/field/{sample}/planes.{svg,png} picture
+#       {results}/field/table.csv                 one row per sample and plane
+
+
+def field_files():
+    return [
+        f"{RESULTS}/field/table.csv",
+        *expand(
+            f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
+            sample=STUDY.field,
+            suffix=("json", "svg", "png"),
+        ),
+    ]
+
+
+rule fit_field_planes:
+    input:
+        medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
+        calibration=calibration_file,
+    output:
+        planes=f"{RESULTS}/field/{{sample}}/planes.json",
+        lasers=f"{RESULTS}/field/{{sample}}/lasers.csv",
+        svg=f"{RESULTS}/field/{{sample}}/planes.svg",
+        png=f"{RESULTS}/field/{{sample}}/planes.png",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        patches=lambda wildcards: config["field"].get("patches", {}).get(wildcards.sample),
+        search=config.get("field", {}).get("search"),
+        library=library("fit_field_planes"),
+    log:
+        f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/fit_field_planes.py"
+
+
+rule tabulate_field:
+    input:
+        planes=expand(f"{RESULTS}/field/{{sample}}/planes.json", sample=STUDY.field),
+    output:
+        csv=f"{RESULTS}/field/table.csv",
+        md=f"{RESULTS}/field/table.md",
+    params:
+        library=library("tabulate_field"),
+    log:
+        f"{RESULTS}/logs/tabulate_field.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/tabulate_field.py"

@@ -1,0 +1,68 @@
+# From a capture to medians.
+#
+# in:   recording of a sample (any framing that `velocal inspect` knows)
+# out:  {results}/recordings/{sample}/ledger.json        what was used, what not and why
+#       {results}/recordings/{sample}/rotations.parquet  where every rotation begins
+#       {results}/returns/{sample}/{window}.parquet      returns of the window's rotations
+#       {results}/medians/{sample}/{window}.parquet      median per laser and angle cell
+#
+# The whole recording is scanned once; only the rotations of the windows are decoded.
+
+
+rule index_recording:
+    input:
+        recording=lambda wildcards: sample_of(wildcards).recording,
+    output:
+        ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
+        rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        library=library("index_recording"),
+    log:
+        f"{RESULTS}/logs/index_recording/{{sample}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/index_recording.py"
+
+
+rule decode_returns:
+    input:
+        recording=lambda wildcards: sample_of(wildcards).recording,
+        rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+    output:
+        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        length=config.get("windows", {}).get("rotations"),
+        library=library("decode_returns"),
+    log:
+        f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
+    resources:
+        mem_mb=800,
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/decode_returns.py"
+
+
+rule reduce_medians:
+    input:
+        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+    output:
+        medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        cell_deg=lambda wildcards: config["reduction"]["cell_deg"].get(
+            sample_of(wildcards).scanner
+        ),
+        min_count=config["reduction"]["min_count"],
+        library=library("reduce_medians"),
+    log:
+        f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
+    resources:
+        mem_mb=1200,
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/reduce_medians.py"

@@ -1,0 +1,61 @@
+# The simulated world: it stands in for the recordings that the study's authors never published.
+#
+# in:   config/world.yaml
+# out:  {results}/simulation/recordings/{sample}.bin   records of 1248 bytes
+#       {results}/simulation/factory/{scanner}.xml     the factory's calibration
+#       {results}/simulation/survey/*.csv              targets, as a surveyor hands them over
+#       {results}/simulation/truth/{scanner}.csv       read by tests and comparisons only
+#
+# A sample is simulated if its row names a recording below {results}/simulation; a row that names
+# another file uses that file. Nothing downstream can tell the difference.
+
+if WORLD:
+
+    rule simulate_recording:
+        input:
+            world=WORLD,
+        output:
+            recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
+        params:
+            scanner=lambda wildcards: sample_of(wildcards).scanner,
+            position=lambda wildcards: sample_of(wildcards).position,
+            rotations=config["simulation"]["rotations"],
+            library=library("simulate_recording"),
+        log:
+            f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
+        conda:
+            "../../environment.yml"
+        script:
+            "../../scripts/simulate_recording.py"
+
+    rule simulate_factory:
+        input:
+            world=WORLD,
+        output:
+            factory=f"{RESULTS}/simulation/factory/{{scanner}}.xml",
+            truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
+        params:
+            library=library("simulate_factory"),
+        log:
+            f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
+        conda:
+            "../../environment.yml"
+        script:
+            "../../scripts/simulate_factory.py"
+
+    rule simulate_survey:
+        input:
+            world=WORLD,
+        output:
+            planes=f"{RESULTS}/simulation/survey/planes.csv",
+            base_scanner=f"{RESULTS}/simulation/survey/base_scanner.csv",
+            base_field=f"{RESULTS}/simulation/survey/base_field.csv",
+        params:
+            positions=STUDY.positions,
+            library=library("simulate_survey"),
+        log:
+            f"{RESULTS}/logs/simulate_survey.log",
+        conda:
+            "../../environment.yml"
+        script:
+            "../../scripts/simulate_survey.py"

@@ -1,0 +1,76 @@
+# Residuals before and after.
+#
+# in:   assigned medians and the window's own adjustment (calibration data);
+#       single rotations of the returns and every parameter set (validation)
+# out:  {results}/residuals/{sample}/{window}.parquet               s of every median
+#       {results}/statistics/calibration/{sample}/{window}.csv      per laser, before and after
+#       {results}/statistics/validation/{sample}/{window}.csv       per laser, before and each set
+#       {results}/statistics/lasers.csv, summary.csv                all of them; one row a window
+
+
+rule residuals_calibration:
+    input:
+        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+        adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
+        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
+        calibration=calibration_file,
+    output:
+        residuals=f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
+        statistics=f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        library=library("residuals_calibration"),
+    log:
+        f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/residuals_calibration.py"
+
+
+rule residuals_validation:
+    input:
+        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
+        calibration=calibration_file,
+        sets=lambda wildcards: expand(
+            f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
+            scanner=sample_of(wildcards).scanner,
+            parameter_set=STUDY.parameter_sets[sample_of(wildcards).scanner],
+        ),
+    output:
+        statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        gates=config.get("assignment", {}).get("gates"),
+        validation=config.get("validation"),
+        library=library("residuals_validation"),
+    log:
+        f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/residuals_validation.py"
+
+
+rule summarise_statistics:
+    input:
+        statistics=[
+            path
+            for stage in ("calibration", "validation")
+            for path in per_window(
+                f"{RESULTS}/statistics/{stage}/{{sample}}/{{window}}.csv", STUDY.surveyed
+            )
+        ],
+    output:
+        lasers=f"{RESULTS}/statistics/lasers.csv",
+        summary=f"{RESULTS}/statistics/summary.csv",
+    params:
+        library=library("summarise_statistics"),
+    log:
+        f"{RESULTS}/logs/summarise_statistics.log",
+    conda:
+        "../../environment.yml"
+    script:
+        "../../scripts/summarise_statistics.py"

@@ -56,7 +56,7 @@ def points(
     """Points of returns in the scanner frame, metres, shape (n, 3); equations (1) and (2)."""
     direction, origin = laser_beams(phi, laser_id, parameters)
     length = distance_m + parameters.dl[laser_id]
-    return length[:, None] * direction + origin
+    return np.asarray(length[:, None] * direction + origin)
 
 
 def distance_from_ticks(ticks: NDArray[np.generic]) -> Array:
@@ -76,4 +76,4 @@ def angle_from_ticks(
     (`Scanner.firing_offset_s`) see the head turned on by the rate times the delay.
     """
     start = np.deg2rad(ticks.astype(np.float64) * AZIMUTH_TICK_DEG)
-    return start + rotation_rate_rad_s * scanner.firing_offset_s[laser_id]
+    return np.asarray(start + rotation_rate_rad_s * scanner.firing_offset_s[laser_id])

@@ -126,7 +126,7 @@ def _dense_medians(
         low = np.floor(place).astype(np.int64)
         below = dense[keep_cell, low, keep_laser].astype(np.float64)
         above = dense[keep_cell, np.minimum(low + 1, n - 1), keep_laser].astype(np.float64)
-        return below + (place - low) * (above - below)
+        return np.asarray(below + (place - low) * (above - below))
 
     spread = (quantile(0.75) - quantile(0.25)) / QUARTILES_PER_STD
     return keep_laser, mean_azimuth[keep_cell], quantile(0.5), spread, n

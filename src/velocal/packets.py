@@ -80,9 +80,9 @@ def sound(payloads: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.bo
     """
     blocks = view(payloads)["blocks"]
     flags = blocks["flag"]
-    known = ((flags == FLAG_UPPER) | (flags == FLAG_LOWER)).all(axis=1)
+    known: NDArray[np.bool_] = ((flags == FLAG_UPPER) | (flags == FLAG_LOWER)).all(axis=1)
     # A VLP-16 was seen to send 36000 for a full turn.
-    return known, (blocks["azimuth"] <= AZIMUTH_TICKS).all(axis=1)
+    return known, np.asarray((blocks["azimuth"] <= AZIMUTH_TICKS).all(axis=1))
 
 
 def median_azimuth_step(azimuth: NDArray[np.uint16]) -> NDArray[np.int64]:
@@ -90,7 +90,7 @@ def median_azimuth_step(azimuth: NDArray[np.uint16]) -> NDArray[np.int64]:
 
     Blocks that share an azimuth (pairs of an HDL-64E) count once: steps of zero are left out.
     """
-    steps = np.diff(azimuth.astype(np.int64), axis=1) % AZIMUTH_TICKS
+    steps = np.mod(np.diff(azimuth.astype(np.int64), axis=1), AZIMUTH_TICKS)
     steps.sort(axis=1)
     zeros = (steps == 0).sum(axis=1)
     middle = zeros + (steps.shape[1] - zeros) // 2
@@ -114,11 +114,11 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner) -> Firings:
     timestamp = np.repeat(packets["timestamp"], BLOCKS)
     per_block = scanner.firings_per_block
     if per_block == 1:
-        firing_azimuth = azimuth.reshape(-1)
+        firing_azimuth = azimuth.reshape(-1).astype(np.int64)
     else:
         step = median_azimuth_step(azimuth)[:, None, None]
         late = np.rint(step * np.arange(per_block) / per_block).astype(np.int64)
-        firing_azimuth = ((azimuth[:, :, None] + late) % AZIMUTH_TICKS).reshape(-1)
+        firing_azimuth = np.mod(azimuth[:, :, None] + late, AZIMUTH_TICKS).reshape(-1)
         first_laser, timestamp = (np.repeat(a, per_block) for a in (first_laser, timestamp))
     return Firings(firing_azimuth.astype(np.uint16), first_laser, timestamp, distance, intensity)
 

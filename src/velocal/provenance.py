@@ -18,7 +18,7 @@ NUMERICAL = ("velocal", "numpy", "scipy", "pandas", "pyarrow", "matplotlib", "sn
 @cache
 def _imported(path: Path) -> frozenset[Path]:
     """Files of the package that a file names in its imports, anywhere in its text."""
-    found = set()
+    found: set[Path] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names: list[str] = []
         if isinstance(node, ast.Import):

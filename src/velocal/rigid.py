@@ -87,7 +87,7 @@ def rotation_from_vector(vector: Array) -> Array:
     if angle == 0.0:
         return np.eye(3)
     axis = skew(vector / angle)
-    return np.eye(3) + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis
+    return np.asarray(np.eye(3) + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis)
 
 
 def closed_form(source: Array, target: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Files of our own: schema-checked, byte for byte the same for the same content, never half there."""
+"""Files of our own: schema-checked, the same bytes for the same content, never half there."""
 
 from __future__ import annotations
 
@@ -48,18 +48,22 @@ def _plain(value: Any) -> Any:
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write JSON; arrays become lists, numbers keep all their digits, NaN becomes null."""
-    finite = _without_nan(json.loads(json.dumps(content, default=_plain)))
-    write_text(path, json.dumps(finite, indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(finite(content), indent=1, allow_nan=False) + "\n")
 
 
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+def finite(content: Mapping[str, Any]) -> Any:
+    """Plain numbers, lists and mappings for JSON, which has no NaN: it becomes null."""
+
+    def clean(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: clean(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [clean(item) for item in value]
+        if isinstance(value, float) and not np.isfinite(value):
+            return None
+        return value
+
+    return clean(json.loads(json.dumps(content, default=_plain)))
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -108,7 +112,7 @@ class TableWriter:
             # Measured on 13 million returns: half the time and three quarters of the size of
             # dictionaries.
             use_dictionary=[field.name for field in schema if field.type == pa.uint8()],
-            column_encoding={name: "BYTE_STREAM_SPLIT" for name in split},
+            column_encoding=dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
         )
 
     def write(self, columns: Mapping[str, Any]) -> None:

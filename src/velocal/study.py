@@ -108,7 +108,7 @@ def check(content: object, schema: Mapping[str, Any], where: str) -> None:
     what, allowed = f"{place}: {fault.message}" if place else fault.message, None
     if fault.validator == "additionalProperties":
         known = sorted(rule.get("properties", {}))
-        extra = [key for key in fault.instance if key not in known]  # type: ignore[union-attr]
+        extra = [key for key in fault.instance if key not in known]
         what = f"unknown key {'.'.join([place, str(extra[0])]).lstrip('.')!r}"
         allowed = ", ".join(known)
     elif fault.validator == "enum":

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
+
+from velocal.errors import VelocalError
 
 Array = NDArray[np.float64]
 
@@ -62,8 +64,9 @@ def laser_statistics(
         Standard deviation of the datasheet, metres.
     """
 
-    def total(values: Array) -> Array:
-        return np.bincount(laser_id, weights=values, minlength=n_lasers)
+    def total(values: NDArray[Any]) -> Array:
+        weights = values.astype(np.float64)
+        return np.asarray(np.bincount(laser_id, weights, minlength=n_lasers), dtype=np.float64)
 
     s = s.astype(np.float64)
     count = np.bincount(laser_id, minlength=n_lasers)
@@ -165,3 +168,76 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
         "lasers": int(seen.sum()),
         "count": int(weight.sum()),
     }
+
+
+def mean_std_of_sets(
+    summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str]
+) -> dict[str, float]:
+    """Mean of ``std_cm`` of every parameter set over the single scans of some samples.
+
+    Parameters
+    ----------
+    summary : mapping of str to ndarray
+        Columns of the summary: one row per sample, window, data and calibration.
+    scanner : str
+    samples : sequence of str
+        Whose rows count, all windows of them.
+
+    Returns
+    -------
+    dict of str to float
+        In the order of the summary; NaN where a window has no residuals.
+
+    Raises
+    ------
+    VelocalError
+        If there is no set, or sets were not validated on the same windows.
+    """
+    rows = (summary["data"] == "validation") & (summary["scanner"] == scanner)
+    rows &= np.array([str(name) in samples for name in summary["sample"]], dtype=bool)
+    rows &= summary["calibration"] != "before"
+    calibration, std_cm = summary["calibration"][rows], summary["std_cm"][rows].astype(float)
+    names = [str(name) for name in dict.fromkeys(calibration)]
+    counts = {name: int(np.sum(calibration == name)) for name in names}
+    if not names or len(set(counts.values())) > 1:
+        raise VelocalError(
+            f"{scanner}, samples {', '.join(samples)}: "
+            + ("no parameter set was validated" if not names else f"windows per set are {counts}"),
+            where="statistics",
+            allowed="one or more sets, each validated on the same windows",
+        )
+    return {name: float(np.mean(std_cm[calibration == name])) for name in names}
+
+
+def best_set(summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str]) -> str:
+    """Name of the parameter set that tables and figures of validation show as "after".
+
+    It is the one of least mean ``std_cm`` over all windows of the samples, the first of equals.
+    The paper shows its best set per table in the same way. It is chosen on the validation data
+    themselves, so its numbers are a little better than those of a set chosen beforehand.
+
+    Raises
+    ------
+    VelocalError
+        As `mean_std_of_sets`, or if no set has residuals in every window.
+    """
+    means = mean_std_of_sets(summary, scanner, samples)
+    finite = {name: mean for name, mean in means.items() if np.isfinite(mean)}
+    if not finite:
+        raise VelocalError(
+            f"{scanner}, samples {', '.join(samples)}: a window without residuals",
+            where="statistics",
+            hint="No return of it was assigned to a plane: look at assignment.gates.",
+        )
+    return min(finite, key=lambda name: finite[name])
+
+
+def calibration_after(
+    summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str], data: str
+) -> str:
+    """Value of ``calibration`` in the rows that are shown as "after".
+
+    Medians (`data` "calibration") have their own window's adjustment, single scans
+    ("validation") the best set.
+    """
+    return "after" if data == "calibration" else best_set(summary, scanner, samples)

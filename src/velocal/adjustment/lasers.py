@@ -131,13 +131,17 @@ def adjust_laser(
             change[name][laser] = value
         return initial.corrected(change)
 
+    # The first linearisation decides on the rank: were it to change on the way, a direction at
+    # the limit could go back and forth for ever.
+    rank: int | None = None
     converged, iterations = False, 0
     while not converged and iterations < max_iterations:
         iterations += 1
         s, matrix = own.design(corrected())
         a = matrix[:, columns]
         # Corrections from the start, so that what is not estimable stays at its initial value.
-        step = solver.step(a, s - a @ total, prior_std, stochastic.noise_std_m)
+        step = solver.step(a, s - a @ total, prior_std, stochastic.noise_std_m, rank)
+        rank = step.rank
         change = step.delta - total
         total = step.delta
         converged = bool(np.max(np.abs(change)) <= tolerance)
@@ -149,7 +153,8 @@ def adjust_laser(
     held = tuple(name for name, share in zip(names, shares, strict=True) if share > 0.5)
     message = "converged" if converged else f"not converged after {iterations} linearisations"
     if step.rank < u:
-        message += f"; rank {step.rank} of {u}, held at the initial value: {', '.join(held) or 'a combination'}"
+        combination = ", ".join(held) or "a combination"
+        message += f"; rank {step.rank} of {u}, held at the initial value: {combination}"
     return Adjustment(
         tuple(names),
         total,

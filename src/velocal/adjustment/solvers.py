@@ -39,7 +39,9 @@ class Step:
 class Solver(Protocol):
     """One method of adjustment."""
 
-    def step(self, matrix: Array, w: Array, prior_std: Array, noise_std: float) -> Step:
+    def step(
+        self, matrix: Array, w: Array, prior_std: Array, noise_std: float, rank: int | None
+    ) -> Step:
         """Solve one linearised system.
 
         Parameters
@@ -52,6 +54,8 @@ class Solver(Protocol):
             A-priori standard deviations of the corrections.
         noise_std : float
             Standard deviation of a misclosure, for decisions on rank.
+        rank : int or None
+            Rank that an earlier linearisation decided on; None to decide.
         """
         ...
 
@@ -74,20 +78,24 @@ class PaperModel:
 
     truncate_at: float | None = 1.0
 
-    def step(self, matrix: Array, w: Array, prior_std: Array, noise_std: float) -> Step:
+    def step(
+        self, matrix: Array, w: Array, prior_std: Array, noise_std: float, rank: int | None
+    ) -> Step:
         """Solve one linearised system; see `Solver.step`."""
         left, singular, right = np.linalg.svd(matrix * prior_std, full_matrices=False)
-        floor = singular.max(initial=0.0) * max(matrix.shape) * np.finfo(float).eps
-        if self.truncate_at is not None:
-            floor = max(floor, noise_std / self.truncate_at)
-        kept = singular > floor
+        if rank is None:
+            floor = singular.max(initial=0.0) * max(matrix.shape) * np.finfo(float).eps
+            if self.truncate_at is not None:
+                floor = max(floor, noise_std / self.truncate_at)
+            rank = int((singular > floor).sum())
+        kept = np.arange(len(singular)) < rank
         inverse = np.where(kept, 1.0 / np.where(kept, singular, 1.0), 0.0)
         basis = right[kept]
         root = prior_std[:, None] * (right.T * inverse)
         return Step(
             delta=-prior_std * (right.T @ (inverse * (left.T @ w))),
             cofactor=root @ root.T,
-            rank=int(kept.sum()),
+            rank=rank,
             estimable=basis.T @ basis,
             singular_values=singular,
         )

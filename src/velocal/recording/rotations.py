@@ -6,7 +6,7 @@ rotations, not of packets.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -148,7 +148,7 @@ def _has_device_clock(timestamps: NDArray[np.uint32]) -> bool:
     """
     if len(timestamps) < 2:
         return False
-    steps = np.diff(timestamps.astype(np.int64)) % HOUR_US
+    steps = np.mod(np.diff(timestamps.astype(np.int64)), HOUR_US)
     return bool(np.mean((steps > 0) & (steps < 100_000)) > 0.9) and bool(
         np.mean(timestamps < HOUR_US) > 0.99
     )

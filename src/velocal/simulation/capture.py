@@ -118,7 +118,7 @@ def records(
     header = np.frombuffer(_network_header(), dtype=np.uint8)
     for begin in range(0, packets, CHUNK_PACKETS):
         number = np.arange(begin, min(begin + CHUNK_PACKETS, packets))
-        time = number * packet_interval
+        time = number.astype(np.float64) * packet_interval
         firing_time = time[:, None] + np.arange(firings_per_packet) * (
             packet_interval / firings_per_packet
         )
@@ -170,7 +170,8 @@ def _measure(
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan
-    return np.clip(np.rint(np.nan_to_num(shots)), 0, 65535).astype(np.uint16)
+    ticks = np.clip(np.rint(np.nan_to_num(shots)), 0, 65535)
+    return np.asarray(ticks, dtype=np.uint16)
 
 
 def _packed(

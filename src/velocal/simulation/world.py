@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,33 @@ class World:
         )
         translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
         return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+
+    def without_errors(self) -> World:
+        """The same world with perfect shots and survey; only the parameters stay wrong.
+
+        Ticks of the distance and steps of the encoder remain, as they belong to the packets.
+        """
+        kept = ("dl_mean_cm", "dl_cm", "alpha_deg", "v_deg", "pattern_kernel_deg")
+        scanners = {}
+        for name, unit in self.scanners.items():
+            zeros: dict[str, Any] = {
+                item.name: {} if item.name == "shift_mean_cm" else 0.0
+                for item in fields(ErrorModel)
+                if item.name not in kept
+            }
+            scanners[name] = replace(
+                unit,
+                dropout=0.0,
+                base_scanner_std_mm=1e-6,
+                base_field_std_mm=1e-6,
+                errors=replace(unit.errors, **zeros),
+            )
+        flat = {name: {"mean_mm": 0.0, "max_mm": 0.0} for name in self.field["flatness"]}
+        return replace(
+            self,
+            field={**self.field, "flatness": flat, "target_std_mm": 1e-6},
+            scanners=scanners,
+        )
 
     def scanner(self, name: str) -> ScannerWorld:
         """Look up a simulated unit.

@@ -1,0 +1,98 @@
+"""The whole chain as functions: simulated packets in, adjustments out."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from velocal import schemas, storage
+from velocal.adjustment.lasers import Observations, Stochastic, adjust_all
+from velocal.adjustment.result import Adjustment
+from velocal.adjustment.solvers import Solver
+from velocal.assignment import Gates
+from velocal.medians import cell_medians
+from velocal.parameters import ParameterSet
+from velocal.recording.rotations import inspect
+from velocal.returns import write_returns
+from velocal.scans import assigned_scan
+from velocal.sensors import SCANNERS
+from velocal.simulation import capture, survey, truth, world
+from velocal.station import adjust_station, observations
+from velocal.survey import Targets
+
+WORLD = Path(__file__).parents[2] / "config/world.yaml"
+GATES = Gates(0.25, 0.05, 1.396)
+
+
+def study_world() -> world.World:
+    return world.load(yaml.safe_load(WORLD.read_text()))
+
+
+@dataclass
+class Loop:
+    """What came out, and the truth to hold it against."""
+
+    observations: Observations
+    factory: ParameterSet
+    true: ParameterSet
+    adjustments: list[Adjustment]
+
+
+def joined(parts: list[Targets]) -> Targets:
+    return Targets(
+        tuple(n for p in parts for n in p.name),
+        tuple(g for p in parts for g in p.group),
+        np.concatenate([p.xyz for p in parts]),
+        np.concatenate([p.std for p in parts]),
+    )
+
+
+def run(
+    simulated: world.World,
+    scanner: str,
+    position: str,
+    folder: Path,
+    *,
+    rotations: int,
+    names: tuple[str, ...],
+    planes: tuple[str, ...],
+    solver: Solver,
+    stochastic: Stochastic,
+) -> Loop:
+    """Packets -> file -> returns -> medians -> planes -> adjustments of all lasers."""
+    recording, parquet = folder / "recording.bin", folder / "returns.parquet"
+    with recording.open("wb") as file:
+        for block in capture.records(simulated, scanner, position, "loop", rotations):
+            file.write(block)
+    known = SCANNERS[scanner]
+    index = inspect(recording).index
+    chosen = np.flatnonzero(index.complete)
+    write_returns(recording, index, chosen, known, parquet)
+    columns, facts = storage.read_table(parquet, schemas.RETURNS)
+    medians = cell_medians(
+        columns["azimuth"],
+        columns["laser_id"],
+        columns["distance"],
+        lasers_per_firing=known.lasers_per_firing,
+        cell_ticks=known.cell_ticks,
+        min_count=3,
+    )
+    station = adjust_station(
+        joined(survey.field_targets(simulated)),
+        survey.base_targets_scanner(simulated, scanner),
+        survey.base_targets_field(simulated, scanner, position),
+        planes,
+        where="loop",
+    )
+    factory = truth.factory_parameters(simulated, scanner)
+    rows = assigned_scan(
+        asdict(medians), known, facts["rotation_rate_hz"], factory, station.patches, GATES
+    )
+    data = observations(rows, station.patches)
+    return Loop(
+        data,
+        factory,
+        truth.unit_truth(simulated, scanner).parameters,
+        adjust_all(data, factory, names, solver, stochastic),
+    )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from velocal.adjustment.functional import misclosure
 from velocal.beam_model import angle_from_ticks, distance_from_ticks, laser_beams
@@ -36,8 +37,9 @@ SAMPLE = 5000
 NEIGHBOURHOOD = 0.15
 #: Lasers that a plane must be seen by, as two or three lines do not fix one.
 MIN_LASERS = 4
-#: Share of the points within 3 distances of a plane that must lie within one; 1/3 in a hedge.
-MIN_THINNESS = 0.8
+#: Share of the points within 3 distances of a plane that must lie within half a distance: 1/6
+#: where points fill a volume, 1/2 where the plane cuts through another surface.
+MIN_THINNESS = 0.6
 #: Width of the cells in which connectedness is examined.
 CELL_RAD = np.deg2rad(0.6)
 #: Trimming: limit in robust standard deviations, largest number of rounds.
@@ -123,6 +125,8 @@ class Search:
         Planes to find at most.
     distance_m : float
         Half of the thickness within which points belong to a plane.
+    extent_m : float
+        Largest diameter of a plane; what looks flat over metres is not over a whole street.
     min_points : int
         Points that a plane must have.
     incidence_rad : float
@@ -133,6 +137,7 @@ class Search:
 
     planes: int
     distance_m: float
+    extent_m: float
     min_points: int
     incidence_rad: float
     seed: int
@@ -143,6 +148,7 @@ class Search:
         return cls(
             search["planes"],
             search["distance_cm"] * 1e-2,
+            search["extent_m"],
             search["min_points"],
             float(np.deg2rad(search["incidence_deg"])),
             search["seed"],
@@ -280,11 +286,11 @@ def find_planes(cloud: Cloud, search: Search) -> tuple[list[FieldPlane], list[st
         What there is to say if none was found.
     """
     rng = np.random.default_rng(search.seed)
-    grid = _Grid(cloud)
+    grid, tree = _Grid(cloud), KDTree(cloud.xyz)
     free = np.ones(len(cloud.xyz), dtype=bool)
     planes: list[FieldPlane] = []
     while len(planes) < search.planes and np.count_nonzero(free) >= search.min_points:
-        found = _largest_plane(f"plane{len(planes) + 1}", cloud, grid, free, search, rng)
+        found = _largest_plane(f"plane{len(planes) + 1}", cloud, grid, tree, free, search, rng)
         if found is None:
             break
         plane, band = found
@@ -300,37 +306,38 @@ def _largest_plane(
     name: str,
     cloud: Cloud,
     grid: _Grid,
+    tree: KDTree,
     free: NDArray[np.bool_],
     search: Search,
     rng: np.random.Generator,
 ) -> tuple[FieldPlane, Rows] | None:
     """One round of the search: the largest sheet among the best random planes, and its band."""
     open_ = np.flatnonzero(free)
-    normals, offsets = _random_planes(cloud.xyz[open_], rng)
-    if not len(normals):
+    some = cloud.xyz[open_[rng.choice(len(open_), size=min(SAMPLE, len(open_)), replace=False)]]
+    seeds, normals, offsets = _random_planes(cloud.xyz[open_], rng)
+    if not len(seeds):
         return None
-    some = open_[rng.choice(len(open_), size=min(SAMPLE, len(open_)), replace=False)]
-    apart = np.abs(cloud.xyz[some] @ normals.T + offsets)
-    steep = np.abs(cloud.direction[some] @ normals.T) >= np.cos(search.incidence_rad)
-    near = np.count_nonzero(steep & (apart <= search.distance_m), axis=0)
-    wide = np.count_nonzero(steep & (apart <= 3.0 * search.distance_m), axis=0)
+    apart = np.abs(some @ normals.T + offsets)
+    inside = cdist(some, seeds) <= 0.5 * search.extent_m
     # Zero on average where the points fill a volume.
-    score = 1.5 * near - 0.5 * wide
+    score = 1.5 * np.count_nonzero(inside & (apart <= search.distance_m), axis=0)
+    score -= 0.5 * np.count_nonzero(inside & (apart <= 3.0 * search.distance_m), axis=0)
     best: tuple[FieldPlane, Rows] | None = None
     for index in np.argsort(-score, kind="stable")[:SHORT_LIST]:
+        around = np.array(tree.query_ball_point(seeds[index], 0.5 * search.extent_m))
         plane = Plane(normals[index], float(offsets[index]), np.zeros((4, 4)))
-        band = _grown_sheet(cloud, grid, free, plane, search)
-        if band is None or (best is not None and len(band) <= len(best[1])):
+        sheet = _grown_sheet(cloud, grid, np.sort(around), free, plane, search)
+        if sheet is None or (best is not None and len(sheet) <= len(best[1])):
             continue
         try:
-            best = fit_robustly(name, cloud, band, search), band
+            best = fit_robustly(name, cloud, sheet, search), sheet
         except SurveyError:
             continue
     return best
 
 
-def _random_planes(xyz: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Unit normals and offsets of planes through three neighbouring points."""
+def _random_planes(xyz: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """First points, unit normals and offsets of planes through three neighbouring points."""
     some = xyz[rng.choice(len(xyz), size=min(4 * SAMPLE, len(xyz)), replace=False)]
     first = rng.integers(len(some), size=HYPOTHESES)
     radius = NEIGHBOURHOOD * np.linalg.norm(some[first], axis=1)
@@ -347,34 +354,41 @@ def _random_planes(xyz: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     area = np.linalg.norm(normals, axis=1)
     # Three points almost on a line, as along one ring, fix no plane.
     good = area > 0.05 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    normals = normals[good] / area[good, None]
-    return normals, -np.einsum("ni,ni->n", normals, some[first[good]])
+    seeds, normals = some[first[good]], normals[good] / area[good, None]
+    return seeds, normals, -np.einsum("ni,ni->n", normals, seeds)
 
 
 def _grown_sheet(
-    cloud: Cloud, grid: _Grid, free: NDArray[np.bool_], plane: Plane, search: Search
+    cloud: Cloud,
+    grid: _Grid,
+    around: Rows,
+    free: NDArray[np.bool_],
+    plane: Plane,
+    search: Search,
 ) -> Rows | None:
-    """Free points of the largest connected sheet near a plane that is refitted as it grows.
+    """Largest connected sheet of the free rows near a plane that is refitted as it grows.
 
-    None if it is too small, or if it is no sheet: other points lie close before or behind it.
+    None if it is too small, or if it is no sheet: too many points lie before or behind it.
     """
-    rows = np.empty(0, dtype=np.int64)
+    xyz, direction, unused = cloud.xyz[around], cloud.direction[around], free[around]
+    sheet = np.empty(0, dtype=np.int64)
     for _ in range(ROUNDS):
-        apart = np.abs(plane.distance(cloud.xyz))
-        steep = np.abs(cloud.direction @ plane.normal) >= np.cos(search.incidence_rad)
-        near = free & steep & (apart <= search.distance_m)
-        grown = grid.largest_cluster(np.flatnonzero(near))
+        apart = np.abs(plane.distance(xyz))
+        steep = np.abs(direction @ plane.normal) >= np.cos(search.incidence_rad)
+        near = unused & steep & (apart <= search.distance_m)
+        grown = grid.largest_cluster(around[near])
         if len(grown) < search.min_points:
             return None
-        if np.array_equal(grown, rows):
+        if np.array_equal(grown, sheet):
             break
-        rows = grown
+        sheet = grown
         try:
-            plane = fit_plane(cloud.xyz[rows]).plane
+            plane = fit_plane(cloud.xyz[sheet]).plane
         except SurveyError:
             return None
-    wide = steep & (apart <= 3.0 * search.distance_m) & grid.same_cells(rows)
-    return rows if len(rows) >= MIN_THINNESS * np.count_nonzero(wide) else None
+    core = np.count_nonzero(np.abs(plane.distance(cloud.xyz[sheet])) <= 0.5 * search.distance_m)
+    beside = steep & (apart <= 3.0 * search.distance_m) & grid.same_cells(sheet, around)
+    return sheet if core >= MIN_THINNESS * np.count_nonzero(beside) else None
 
 
 class _Grid:
@@ -391,11 +405,11 @@ class _Grid:
         self.shape = (len(rank) + 2, self.columns)  # two rows more: no neighbours over the edge
         self.cell = rank[cloud.laser_id] * self.columns + column
 
-    def same_cells(self, rows: Rows) -> NDArray[np.bool_]:
-        """Tell which points lie in a cell of some row."""
+    def same_cells(self, rows: Rows, others: Rows) -> NDArray[np.bool_]:
+        """Tell which of the others lie in a cell of some row."""
         occupied = np.zeros(self.shape[0] * self.shape[1], dtype=bool)
         occupied[self.cell[rows]] = True
-        return occupied[self.cell]
+        return np.asarray(occupied[self.cell[others]])
 
     def largest_cluster(self, rows: Rows) -> Rows:
         """Those of the rows whose cells hang together, most of them; a gap of one cell is none."""

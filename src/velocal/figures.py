@@ -41,7 +41,8 @@ PANELS = {
 }
 KINDS = (*PANELS, "histogram")
 
-_TITLES = {
+#: What a figure per laser shows, by kind.
+TITLES = {
     "std": "standard deviation of s",
     "within_1sigma": "share of s within 1σ",
     "within_3sigma": "share of s within 3σ",
@@ -52,7 +53,8 @@ _TITLES = {
 _BIN_WIDTHS_CM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 _BINS = 60
 
-STYLE = {
+#: Settings of matplotlib on top of its own defaults.
+STYLE: Mapping[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 8.5,
     "axes.titlesize": 9.0,
@@ -200,7 +202,7 @@ def draw_per_laser(
         axes[-1].set_xticks([1, *range(step, n_lasers + 1, step)])
         axes[-1].xaxis.set_minor_locator(MultipleLocator(1))
         axes[-1].set_xlabel("laser" + _unseen(numbers))
-        _head(figure, axes[0], selection, _TITLES[selection["kind"]] + " per laser")
+        _head(figure, axes[0], selection, TITLES[selection["kind"]] + " per laser")
         _foot(figure, simulated)
     return figure
 
@@ -246,7 +248,6 @@ def _head(figure: Figure, ax: Axes, selection: Mapping[str, Any], title: str) ->
         x=0.01, ha="left", fontsize=9.0, fontweight="bold",
     )  # fmt: skip
     handles, labels = ax.get_legend_handles_labels()
-    # Dashed line last.
     figure.legend(handles, labels, loc="outside lower left", ncols=len(labels), borderpad=0.1)
 
 
@@ -339,10 +340,8 @@ def draw_histogram(
             note = f"n = {int(numbers[name].sum())}" + (f", {beyond} beyond" if beyond else "")
             ax.text(0.98, 0.97, note, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
             ax.set_title(label, fontsize=8.5, fontweight="normal", color=color)
-            ax.set_xlabel("residual s [cm]")
-        axes[0].set_xlim(
-            min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm)
-        )
+        axes[0].set_xlim(min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm))
+        figure.supxlabel("residual s [cm]", fontsize=8.5)
         axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
         figure.suptitle(
             f"{selection['scanner']}, {selection['data']} data "
@@ -383,39 +382,3 @@ def residuals_of(
         for name in ("before_m", "after_m")
     ]
     return np.concatenate(parts[0]), np.concatenate(parts[1])
-
-
-def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
-    """What a figure shows, in one or two sentences.
-
-    Parameters
-    ----------
-    selection : mapping
-        Entry of the configuration.
-    numbers : DataFrame
-        Those of the figure, see `per_laser` and `histogram`.
-    """
-    of_what = f"{selection['scanner']}, {selection['data']} data, samples " + ", ".join(
-        map(str, selection["samples"])
-    )
-    if selection["kind"] == "histogram":
-        return (
-            f"Residuals s of laser {selection['laser']} before and after calibration ({of_what}; "
-            "all windows together, same bins and axes)."
-        )
-    after = numbers.loc[numbers["calibration"] == "after", "parameters"].iloc[0]
-    with_what = (
-        "the parameters adjusted on each window itself"
-        if after == "adjusted"
-        else f"parameter set {after}, the best of these samples, chosen on the same data"
-    )
-    title = _TITLES[selection["kind"]]
-    reading = (
-        "Root mean square about zero"
-        if selection["kind"] == "std"
-        else "Shares of all residuals"
-    )
-    return (
-        f"{title[0].upper()}{title[1:]} per laser before and after calibration ({of_what}). "
-        f"{reading}, windows weighted by their number of residuals. After: {with_what}."
-    )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from capture_helpers import pcap, record_list, scan, spin, write
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from velocal.errors import RecordingError
@@ -69,6 +69,7 @@ def test_every_byte_is_counted(name, operations):
 
 
 @given(st.sampled_from(sorted(FILES)), st.one_of(few_lost, added, changed))
+@example("pcap, big-endian", ("lose", 0, 28))  # addresses then read as a length
 def test_small_damage_costs_little(name, operation):
     """Beyond the file header, one damage costs the packet it hits and the next at most."""
     with tempfile.TemporaryDirectory() as folder:

@@ -187,13 +187,25 @@ def damaged_pcap(name: str, payloads: np.ndarray, order: str, ticks: int):
             # The next length is then read where its double lies, and that one as ff:ff:ff:ff.
             extra, survivors = {5: p[5][:700] + p[5][704:]}, without(5, 6)
             rejected = {FLAG: (1, PACKET), PCAP_LOST: (1, PACKET - 4)}
+        case "length misread":
+            # Packet 5 claims to hold the next five as well.
+            length = struct.pack(order + "I", 1248 + 5 * PACKET)
+            extra, survivors = {5: p[5][:8] + 2 * length + p[5][16:]}, without(5)
+            rejected = {PCAP_LOST: (1, PACKET)}
+        case "length beyond the end":
+            length = struct.pack(order + "I", 200_000)
+            extra, survivors = {5: p[5][:8] + 2 * length + p[5][16:]}, without(5)
+            rejected = {PCAP_LOST: (1, PACKET)}
+        case "jumbo frame":
+            extra = {3: packet(udp_frame(b"x" * 8000)) + p[3]}
+            rejected = {"payload of 8000 bytes": (1, 8058)}
     return [head, *replaced(p, extra)], survivors, rejected, position
 
 
 PCAP_CASES = [
     "sound", "cut in payload", "cut in header", "position", "foreign", "not udp", "arp", "vlan",
     "short capture", "bad flag", "damaged header", "first header damaged", "last header damaged",
-    "four bytes lost",
+    "four bytes lost", "length misread", "length beyond the end", "jumbo frame",
 ]  # fmt: skip
 
 

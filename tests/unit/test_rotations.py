@@ -111,7 +111,7 @@ def test_the_clock_may_pass_several_hours(tmp_path, monkeypatch):
     monkeypatch.setattr(rotations, "HOUR_US", 20 * 553)
     monkeypatch.setattr(rotations, "CLOCK_PACKETS", 7)
     monkeypatch.setattr(framing, "CHUNK_BYTES", 5000)
-    payloads = spin(N)
+    payloads = spin(N, stamp_us=0)
     packets = view(payloads)
     packets["timestamp"] = packets["timestamp"] % (20 * 553)
     found = inspect(recording(tmp_path, payloads))

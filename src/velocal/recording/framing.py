@@ -26,6 +26,8 @@ CHUNK_BYTES = 8 << 20
 #: Step in which the next sound packet is looked for after damage; it is usually near.
 SEARCH_BYTES = 1 << 16
 MAX_CAPTURED = 1 << 18
+#: No frame on a scanner's network should be longer (jumbo frames excepted).
+LONGEST_FRAME = 2048
 
 PCAP_FILE_HEADER = 24
 PCAP_PACKET_HEADER = 16
@@ -208,6 +210,12 @@ class Pcap:
                     lost = True
                     break
                 end = here + PCAP_PACKET_HEADER + captured
+                if end > len(data) or captured > LONGEST_FRAME:
+                    # A misread length would swallow the packets it spans.
+                    inner = data[here + PCAP_PACKET_HEADER + HEADER_BYTES + 1 : end]
+                    if find_payload(np.frombuffer(inner, dtype=np.uint8)) is not None:
+                        lost = True
+                        break
                 if end > len(data):
                     ledger.reject("packet cut short at the end of the file", 1, len(data) - here)
                     here = len(data)

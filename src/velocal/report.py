@@ -1,0 +1,317 @@
+"""The report: everything a study has found on one page of HTML that needs no network.
+
+Every section is optional: a study without a survey has ledgers and field samples only. The page
+holds no time and no path of the machine, so that identical results give identical bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import pandas as pd
+
+from velocal import provenance
+from velocal.figures import TITLES
+from velocal.parameters import PARAMETERS, UNITS, ParameterSet
+from velocal.published import CONTRADICTIONS, READING, TOLERANCES, printed_rows
+from velocal.tables import DECIMALS, ROMAN, build, formatted
+
+DATA = Path(__file__).parent / "data"
+
+#: Headings of the quantities of the tables.
+QUANTITIES = {
+    "std_cm": "Std [cm]",
+    "within_1sigma_pct": "Within 1σ [%]",
+    "within_3sigma_pct": "Within 3σ [%]",
+}
+
+#: Unit for people, factor to it and decimals, by unit.
+_SHOWN = {"m": ("cm", 100.0, 2), "rad": ("deg", 180.0 / np.pi, 4)}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the study.
+
+    Attributes
+    ----------
+    number : str
+        As in the file's name.
+    selection : mapping
+        Entry of the configuration.
+    numbers : DataFrame
+        What is plotted.
+    png : bytes
+        Picture.
+    """
+
+    number: str
+    selection: Mapping[str, Any]
+    numbers: pd.DataFrame
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study has found; whatever is empty has no section.
+
+    Attributes
+    ----------
+    title : str
+    simulated : bool
+        Whether the surveyed recordings are simulated.
+    ledgers : mapping of str to mapping
+        Ledger and rotations of every recording, by sample.
+    tables : mapping of str to mapping
+        Entries of the configuration, by Arabic number.
+    summary, agreement : DataFrame or None
+        Statistics of all windows; every printed cell with the reproduced one.
+    figures : sequence of Figure
+    surveys : sequence of mapping
+        Pose and planes of every position, as `station.as_dict` with ``position``, ``scanner``.
+    sets : mapping of str to mapping
+        Columns of the parameter sets, by scanner and name.
+    factories : mapping of str to ParameterSet
+        The factory's parameters, by scanner.
+    field_table : DataFrame or None
+        Planes of the recordings without a survey.
+    field_pictures : mapping of str to bytes
+        PNG by field sample.
+    """
+
+    title: str
+    simulated: bool
+    ledgers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    summary: pd.DataFrame | None = None
+    agreement: pd.DataFrame | None = None
+    figures: Sequence[Figure] = ()
+    surveys: Sequence[Mapping[str, Any]] = ()
+    sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    factories: Mapping[str, ParameterSet] = field(default_factory=dict)
+    field_table: pd.DataFrame | None = None
+    field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def render(study: Study) -> str:
+    """Write the page.
+
+    Raises
+    ------
+    VelocalError
+        If a table asks for windows that the summary does not have.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(DATA),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["fixed"] = fixed
+    environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
+    cells = _cells(study.agreement)
+    content = {
+        "title": study.title,
+        "simulated": study.simulated,
+        "overview": _overview(study.summary),
+        "agreement": _agreement_summary(cells),
+        "cells": cells,
+        "contradictions": CONTRADICTIONS,
+        "tables": _tables(study, cells),
+        "figures": [
+            {
+                "number": figure.number,
+                "png": base64.b64encode(figure.png).decode("ascii"),
+                "caption": caption(figure.selection, figure.numbers),
+            }
+            for figure in study.figures
+        ],
+        "surveys": [_survey(survey) for survey in study.surveys],
+        "sets": {
+            scanner: {
+                name: _parameters(columns, study.factories[scanner])
+                for name, columns in sets.items()
+            }
+            for scanner, sets in study.sets.items()
+        },
+        "ledgers": study.ledgers,
+        "field": _plain(study.field_table),
+        "field_pictures": {
+            sample: base64.b64encode(png).decode("ascii")
+            for sample, png in study.field_pictures.items()
+        },
+        "versions": provenance.versions(),
+        "quantities": QUANTITIES,
+        "tolerances": TOLERANCES,
+    }
+    return environment.get_template("report.html.j2").render(content)
+
+
+def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
+    """Number with fixed decimals and a true minus sign; a dash where there is none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    text = f"{value * factor:.{decimals}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
+    """What a figure shows, in one or two sentences.
+
+    Parameters
+    ----------
+    selection : mapping
+        Entry of the configuration.
+    numbers : DataFrame
+        Those of the figure, see `figures.per_laser` and `figures.histogram`.
+    """
+    samples = ", ".join(map(str, selection["samples"]))
+    of_what = f"{selection['scanner']}, {selection['data']} data, samples {samples}"
+    if selection["kind"] == "histogram":
+        return (
+            f"Residuals s of laser {selection['laser']} before and after calibration ({of_what}; "
+            "all windows together, same bins and axes)."
+        )
+    after = numbers.loc[numbers["calibration"] == "after", "parameters"].iloc[0]
+    with_what = (
+        "the parameters adjusted on each window itself"
+        if after == "adjusted"
+        else f"parameter set {after}, that of least mean standard deviation over these samples"
+    )
+    what = TITLES[str(selection["kind"])]
+    about = "Root mean square about zero" if selection["kind"] == "std" else "Of all residuals"
+    return (
+        f"{what[0].upper()}{what[1:]} per laser before and after calibration ({of_what}). "
+        f"{about}; windows count by their number of residuals. After: {with_what}."
+    )
+
+
+def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:
+    """Head and rows of any table, as they print."""
+    if table is None or table.empty:
+        return None
+    return {
+        "columns": [str(name).replace("_", " ") for name in table],
+        "numeric": [bool(pd.api.types.is_numeric_dtype(table[name])) for name in table],
+        "rows": [
+            ["–" if pd.isna(cell) else f"{cell:.5g}" if isinstance(cell, float) else cell
+             for cell in row]
+            for row in table.astype(object).to_numpy().tolist()
+        ],
+    }  # fmt: skip
+
+
+def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
+    """Means over samples and windows, one row per scanner, data and calibration."""
+    if summary is None:
+        return []
+    keys = ["scanner", "data", "calibration"]
+    names = [*DECIMALS, "complies_zero", "complies_mean", "lasers"]
+    return [
+        {**dict(zip(keys, key, strict=True)), **group[names].mean().to_dict()}
+        for key, group in summary.groupby(keys, sort=False)
+    ]
+
+
+def _cells(agreement: pd.DataFrame | None) -> dict[str, dict[str, Any]]:
+    """Rows of the agreement by item."""
+    if agreement is None:
+        return {}
+    rows = agreement.to_dict(orient="records")
+    return {
+        str(row["item"]): {
+            **{str(name): value for name, value in row.items()},
+            "within": str(row["within"]).lower() == "true",
+        }
+        for row in rows
+    }
+
+
+def _agreement_summary(cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """How many cells are within their tolerance: per quantity for every table, and in all."""
+    if not cells:
+        return []
+    rows = printed_rows()
+    numbers = list(dict.fromkeys(row.table for row in rows))
+    counts = []
+    for quantity in TOLERANCES:
+        judged = {
+            number: [cells[row.item(quantity)]["within"] for row in rows if row.table == number]
+            for number in numbers
+        }
+        judged["all"] = [verdict for verdicts in judged.values() for verdict in verdicts]
+        counts.append(
+            {
+                "quantity": quantity,
+                "of": {name: (sum(verdicts), len(verdicts)) for name, verdicts in judged.items()},
+            }
+        )
+    return counts
+
+
+def _tables(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Tables with the paper's numbers beside ours, where there are any."""
+    if study.summary is None:
+        return []
+    printed = {row.key: row for row in printed_rows()} if cells else {}
+    result = []
+    for number, selection in study.tables.items():
+        table = build(number, selection, study.summary, simulated=study.simulated)
+        rows = []
+        for row in formatted(table.frame).to_dict(orient="records"):
+            paper = printed.get((table.number, row["sample"], row["window"], row["calibration"]))
+            rows.append(
+                {
+                    **{str(name): value for name, value in row.items()},
+                    "label": paper.sample if paper and paper.sample != row["sample"] else "",
+                    "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
+                }
+            )
+        result.append(
+            {
+                "number": table.number,
+                "caption": table.caption,
+                "notes": table.notes,
+                "rows": rows,
+                "compared": any(row["paper"] for row in rows),
+                "relabelled": any(key[0] == table.number for key in READING) and bool(cells),
+                "file": f"tables/table_{number}.csv",
+            }
+        )
+    return sorted(result, key=lambda table: list(ROMAN.values()).index(str(table["number"])))
+
+
+def _survey(survey: Mapping[str, Any]) -> dict[str, Any]:
+    """Pose and planes of a position with standard deviations."""
+    covariance = np.array(survey["pose"]["covariance_rad_m"], dtype=float)
+    std = np.sqrt(np.diag(covariance))
+    return {**survey, "rotation_std_rad": std[:3].tolist(), "translation_std_m": std[3:].tolist()}
+
+
+def _parameters(columns: Mapping[str, Any], factory: ParameterSet) -> dict[str, Any]:
+    """Corrections of a parameter set against the factory's, with standard deviations."""
+    adjusted = [name for name in PARAMETERS if f"{name}_std_{UNITS[name]}" in columns]
+    heads, values = [], []
+    for name in adjusted:
+        unit, factor, decimals = _SHOWN[UNITS[name]]
+        heads.append({"name": name, "unit": unit})
+        correction = np.asarray(columns[f"{name}_{UNITS[name]}"]) - getattr(factory, name)
+        std = np.asarray(columns[f"{name}_std_{UNITS[name]}"], dtype=float)
+        values.append(
+            [
+                (fixed(float(c), decimals, factor), fixed(float(s), decimals, factor))
+                for c, s in zip(correction, std, strict=True)
+            ]
+        )
+    lasers = [int(laser_id) + 1 for laser_id in columns["laser_id"]]
+    return {"heads": heads, "rows": list(zip(lasers, zip(*values, strict=True), strict=True))}

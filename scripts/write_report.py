@@ -4,16 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from velocal import report, storage
-from velocal.calibration_files import formats
 from velocal.errors import reported
-from velocal.sensors import scanner_named
-
-
-def frame(path: Path | None) -> pd.DataFrame | None:
-    return pd.DataFrame(storage.read_csv(path)) if path else None
 
 
 def main(
@@ -26,48 +18,26 @@ def main(
     figures: Mapping[str, Any],
     factories: Mapping[str, str],
 ) -> None:
-    """Write the report; `files` are the rule's inputs by name, and any may be missing."""
-    one = {name: next(iter(files[name]), None) for name in ("summary", "agreement")}
-    pictures = {path.with_suffix(""): path for path in files["figures"] if path.suffix == ".png"}
-    sets: dict[str, dict[str, Any]] = {}
-    for path in files["sets"]:
-        sets.setdefault(path.parent.name, {})[path.stem] = storage.read_csv(path)
-    field = {path.suffix: [p for p in files["field"] if p.suffix == path.suffix]
-             for path in files["field"]}  # fmt: skip
-    study = report.Study(
+    """Write the report; the files are the rule's inputs by name, and any may be missing."""
+    study = report.read(
+        files,
         title=title,
         simulated=simulated,
-        ledgers={path.parent.name: storage.read_json(path) for path in files["ledgers"]},
         tables=tables,
-        summary=frame(one["summary"]),
-        agreement=frame(one["agreement"]),
-        figures=[
-            report.Figure(
-                stem.name[-2:], figures[stem.name[-2:]],
-                pd.DataFrame(storage.read_csv(stem.with_suffix(".csv"))), path.read_bytes(),
-            )
-            for stem, path in pictures.items()
-        ],
-        surveys=[storage.read_json(path) for path in files["surveys"]],
-        sets=sets,
-        factories={
-            name: formats.read_or_nominal(
-                None if path == "nominal" else Path(path), scanner_named(name)
-            )
-            for name, path in factories.items()
-        },
-        field_table=frame(next(iter(field.get(".csv", [])), None)),
-        field_pictures={path.parent.name: path.read_bytes() for path in field.get(".png", [])},
-    )  # fmt: skip
+        figures=figures,
+        factories=factories,
+    )
     storage.write_text(output, report.render(study))
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        names = ("ledgers", "figures", "agreement", "summary", "surveys", "sets", "field")
-        given = {name: snakemake.input.get(name) or [] for name in names}
         main(
-            {n: [Path(p) for p in ([v] if isinstance(v, str) else v)] for n, v in given.items()},
+            {
+                # One file alone comes as itself, not in a list.
+                name: [Path(path) for path in ([found] if isinstance(found, str) else found)]
+                for name, found in snakemake.input.items()
+            },
             Path(snakemake.output.report),
             title=snakemake.params.study,
             simulated=snakemake.params.simulated,

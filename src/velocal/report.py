@@ -16,10 +16,12 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal import provenance
+from velocal import provenance, storage
+from velocal.calibration_files import formats
 from velocal.figures import TITLES
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
 from velocal.published import CONTRADICTIONS, READING, TOLERANCES, printed_rows
+from velocal.sensors import scanner_named
 from velocal.tables import DECIMALS, ROMAN, build, formatted
 
 DATA = Path(__file__).parent / "data"
@@ -32,7 +34,7 @@ QUANTITIES = {
 }
 
 #: Unit for people, factor to it and decimals, by unit.
-_SHOWN = {"m": ("cm", 100.0, 2), "rad": ("deg", 180.0 / np.pi, 4)}
+_SHOWN = {"m": ("cm", 100.0, 3), "rad": ("deg", 180.0 / np.pi, 4)}
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,75 @@ class Study:
     factories: Mapping[str, ParameterSet] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def read(
+    files: Mapping[str, Sequence[Path]],
+    *,
+    title: str,
+    simulated: bool,
+    tables: Mapping[str, Mapping[str, Any]],
+    figures: Mapping[str, Mapping[str, Any]],
+    factories: Mapping[str, str],
+) -> Study:
+    """Read what a study has found.
+
+    Parameters
+    ----------
+    files : mapping of str to sequence of Path
+        By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
+        ``field``. A kind may be missing or empty.
+    title, simulated
+        As in `Study`.
+    tables, figures : mapping of str to mapping
+        Entries of the configuration, by number.
+    factories : mapping of str to str
+        The factory's calibration file, or "nominal", by scanner.
+
+    Raises
+    ------
+    VelocalError
+        If a file is damaged.
+    """
+
+    def frame(kind: str, suffix: str = ".csv") -> pd.DataFrame | None:
+        path = next((path for path in files.get(kind, ()) if path.suffix == suffix), None)
+        return pd.DataFrame(storage.read_csv(path)) if path else None
+
+    def pictures(kind: str) -> list[Path]:
+        return [path for path in files.get(kind, ()) if path.suffix == ".png"]
+
+    sets: dict[str, dict[str, Any]] = {}
+    for path in files.get("sets", ()):
+        sets.setdefault(path.parent.name, {})[path.stem] = storage.read_csv(path)
+    drawn = {path.stem.removeprefix("figure_"): path for path in pictures("figures")}
+    return Study(
+        title=title,
+        simulated=simulated,
+        ledgers={path.parent.name: storage.read_json(path) for path in files.get("ledgers", ())},
+        tables=tables,
+        summary=frame("summary"),
+        agreement=frame("agreement"),
+        figures=[
+            Figure(
+                number,
+                figures[number],
+                pd.DataFrame(storage.read_csv(path.with_suffix(".csv"))),
+                path.read_bytes(),
+            )
+            for number, path in drawn.items()
+        ],
+        surveys=[storage.read_json(path) for path in files.get("surveys", ())],
+        sets=sets,
+        factories={
+            name: formats.read_or_nominal(
+                None if path == "nominal" else Path(path), scanner_named(name)
+            )
+            for name, path in factories.items()
+        },
+        field_table=frame("field"),
+        field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
+    )
 
 
 def render(study: Study) -> str:
@@ -217,8 +288,13 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
         return []
     keys = ["scanner", "data", "calibration"]
     names = [*DECIMALS, "complies_zero", "complies_mean", "lasers"]
+    scanners = list(dict.fromkeys(summary["scanner"]))
+    summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
     return [
-        {**dict(zip(keys, key, strict=True)), **group[names].mean().to_dict()}
+        {
+            **dict(zip(keys, key, strict=True)),
+            **{name: float(group[name].mean()) for name in names},
+        }
         for key, group in summary.groupby(keys, sort=False)
     ]
 

@@ -5,6 +5,7 @@ Every fault is one `ConfigError` that names the file, the row or key, and what i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,10 +108,17 @@ def check(content: object, schema: Mapping[str, Any], where: str) -> None:
     rule: Any = fault.schema
     what, allowed = f"{place}: {fault.message}" if place else fault.message, None
     if fault.validator == "additionalProperties":
-        known = sorted(rule.get("properties", {}))
-        extra = [key for key in fault.instance if key not in known]
+        known, patterns = (
+            sorted(rule.get("properties", {})),
+            list(rule.get("patternProperties", {})),
+        )
+        extra = [
+            key
+            for key in fault.instance
+            if key not in known and not any(re.search(pattern, key) for pattern in patterns)
+        ]
         what = f"unknown key {'.'.join([place, str(extra[0])]).lstrip('.')!r}"
-        allowed = ", ".join(known)
+        allowed = ", ".join(known + patterns)
     elif fault.validator == "enum":
         allowed = ", ".join(str(value) for value in rule["enum"])
         what = f"{place}: {fault.instance!r}"

@@ -19,7 +19,9 @@ def table_files(suffixes=("csv", "md", "tex")):
 
 def figure_files(suffixes=("svg", "png", "csv")):
     return expand(
-        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}", figure=FIGURES, suffix=suffixes
+        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
+        figure=FIGURES,
+        suffix=suffixes,
     )
 
 
@@ -30,15 +32,15 @@ rule make_table:
         csv=f"{RESULTS}/tables/table_{{table}}.csv",
         md=f"{RESULTS}/tables/table_{{table}}.md",
         tex=f"{RESULTS}/tables/table_{{table}}.tex",
+    log:
+        f"{RESULTS}/logs/make_table/{{table}}.log",
+    conda:
+        "../../environment.yml"
     params:
         number=lambda wildcards: wildcards.table,
         table=lambda wildcards: config["tables"][wildcards.table],
         simulated=bool(WORLD),
         library=library("make_table"),
-    log:
-        f"{RESULTS}/logs/make_table/{{table}}.log",
-    conda:
-        "../../environment.yml"
     script:
         "../../scripts/make_table.py"
 
@@ -49,12 +51,12 @@ rule compare_with_paper:
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
         agreement=f"{RESULTS}/published/agreement.csv",
-    params:
-        library=library("compare_with_paper"),
     log:
         f"{RESULTS}/logs/compare_with_paper.log",
     conda:
         "../../environment.yml"
+    params:
+        library=library("compare_with_paper"),
     script:
         "../../scripts/compare_with_paper.py"
 
@@ -63,7 +65,9 @@ def figure_input(wildcards):
     """Histograms read residuals of their samples, the others the statistics per laser."""
     figure = FIGURES[wildcards.figure]
     if figure["kind"] == "histogram":
-        return per_window(f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", figure["samples"])
+        return per_window(
+            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", figure["samples"]
+        )
     return [f"{RESULTS}/statistics/lasers.csv"]
 
 
@@ -75,39 +79,58 @@ rule draw_figure:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
         csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
-    params:
-        figure=lambda wildcards: FIGURES[wildcards.figure],
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
-        library=library("draw_figure"),
     log:
         f"{RESULTS}/logs/draw_figure/{{figure}}.log",
     conda:
         "../../environment.yml"
+    params:
+        figure=lambda wildcards: FIGURES[wildcards.figure],
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+        library=library("draw_figure"),
     script:
         "../../scripts/draw_figure.py"
 
 
+def factories():
+    """Factory calibration of every calibrated scanner: a file, or "nominal"."""
+    return {
+        scanner: next(
+            s.calibration for s in STUDY.surveyed.values() if s.scanner == scanner
+        )
+        for scanner in STUDY.parameter_sets
+    }
+
+
 rule write_report:
     input:
-        ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=STUDY.samples),
+        ledgers=expand(
+            f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=STUDY.samples
+        ),
         tables=table_files(["csv"]),
         figures=figure_files(["png", "csv"]),
-        agreement=f"{RESULTS}/published/agreement.csv" if config.get("compare_with_paper") else [],
+        agreement=(
+            f"{RESULTS}/published/agreement.csv"
+            if config.get("compare_with_paper")
+            else []
+        ),
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
+        factories=[path for path in factories().values() if path != "nominal"],
         field=[f for f in field_files() if not f.endswith("svg")] if STUDY.field else [],
     output:
         report=f"{RESULTS}/report.html",
+    log:
+        f"{RESULTS}/logs/write_report.log",
+    conda:
+        "../../environment.yml"
     params:
         study=config["study"],
         simulated=bool(WORLD),
         tables=config.get("tables", {}),
         figures=FIGURES,
+        factories=factories(),
         library=library("write_report"),
-    log:
-        f"{RESULTS}/logs/write_report.log",
-    conda:
-        "../../environment.yml"
     script:
         "../../scripts/write_report.py"

@@ -1,0 +1,113 @@
+"""Solver of the paper's model: fast form against the literal one, rank, prior."""
+
+import numpy as np
+import pytest
+
+from velocal.adjustment import settings, tabulate
+from velocal.adjustment.lasers import Observations, Stochastic, adjust_all, adjust_laser
+from velocal.adjustment.solvers import PaperModel
+from velocal.errors import ConfigError
+from velocal.parameters import PARAMETERS, ParameterSet
+
+RNG = np.random.default_rng(1)
+PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}
+
+
+def literal(a, w, prior_std):
+    """The paper's n x n form: N = A P^-1 A', k = -N^+ w, delta = P^-1 A' k."""
+    p_inverse = np.diag(prior_std**2)
+    n = a @ p_inverse @ a.T
+    return p_inverse @ a.T @ (-np.linalg.pinv(n, rcond=1e-11, hermitian=True) @ w)
+
+
+@pytest.mark.parametrize("n", [10, 100, 400])
+@pytest.mark.parametrize("deficient", [False, True])
+def test_fast_form_is_the_literal_form(n, deficient):
+    a = RNG.normal(size=(n, 3))
+    if deficient:
+        a[:, 2] = 2.0 * a[:, 0] - a[:, 1]
+    w, prior = RNG.normal(size=n), np.array([1.0, 0.5, 2.0])
+    step = PaperModel(truncate_at=None).step(a, w, prior, 0.0, 2 if deficient else None)
+    np.testing.assert_allclose(step.delta, literal(a, w, prior), rtol=1e-10, atol=1e-12)
+    assert step.rank == (2 if deficient else 3)
+
+
+def test_full_rank_is_least_squares_whatever_the_prior():
+    a, w = RNG.normal(size=(50, 3)), RNG.normal(size=50)
+    expected = -np.linalg.lstsq(a, w)[0]
+    for _ in range(20):
+        prior = RNG.uniform(0.01, 100.0, 3)
+        step = PaperModel(truncate_at=None).step(a, w, prior, 0.0, None)
+        np.testing.assert_allclose(step.delta, expected, rtol=1e-9)
+
+
+def test_truncation_holds_what_the_prior_knows_better():
+    a = np.column_stack([np.ones(100), np.linspace(-1e-3, 1e-3, 100)])
+    w = RNG.normal(0.0, 1.0, 100)
+    step = PaperModel(truncate_at=1.0).step(a, w, np.array([1.0, 1.0]), 1.0, None)
+    assert step.rank == 1
+    np.testing.assert_allclose(np.diag(step.estimable), [1.0, 0.0], atol=1e-12)
+    assert abs(step.delta[1]) < 1e-12
+
+
+def walls(n=400, noise=0.0):
+    """Observations of one laser on two vertical walls, with known parameters."""
+    true = ParameterSet(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
+    phi = RNG.uniform(-0.8, 0.8, n)
+    laser = np.zeros(n, dtype=int)
+    normal = np.where((phi > 0)[:, None], [0.6, 0.8, 0.0], [-0.6, 0.8, 0.0])
+    offset = np.full(n, -3.0)
+    data = Observations(np.zeros(n), phi, laser, normal, offset)
+    distance = -data.misclosure(true) + RNG.normal(0.0, noise, n)
+    return Observations(distance, phi, laser, normal, offset), true
+
+
+def test_known_parameters_return_and_voff_is_held():
+    data, true = walls()
+    start = true.corrected({"dl": np.array([-0.03]), "alpha": np.array([0.004])})
+    found = adjust_laser(
+        data, 0, start, ("dl", "alpha", "voff"), PaperModel(1.0), Stochastic(1e-3, PRIOR)
+    )
+    assert found.converged
+    assert found.held == ("voff",)
+    np.testing.assert_allclose(found.corrections, [0.03, -0.004, 0.0], atol=1e-9)
+    assert np.isnan(found.std[2])
+    assert "held at the initial value: voff" in found.message
+
+
+def test_standard_deviation_is_that_of_repeated_noise():
+    errors, stated = [], []
+    for _ in range(200):
+        data, true = walls(60, noise=0.01)
+        found = adjust_laser(
+            data, 0, true, ("dl", "alpha"), PaperModel(1.0), Stochastic(0.01, PRIOR)
+        )
+        errors.append(found.corrections)
+        stated.append(found.std)
+    ratio = np.std(errors, axis=0) / np.sqrt(np.mean(np.square(stated), axis=0))
+    # 200 runs know a standard deviation to 5 %.
+    np.testing.assert_allclose(ratio, 1.0, atol=0.2)
+
+
+def test_table_of_corrections_reads_back():
+    data, true = walls()
+    results = adjust_all(data, true, ("dl", "v"), PaperModel(), Stochastic(0.02, PRIOR))
+    columns = tabulate.corrections(results)
+    value, std, observed = tabulate.read_corrections(
+        {name: np.asarray(column) for name, column in columns.items()}
+    )
+    assert list(value) == list(std) == ["dl", "v"]
+    assert observed.all()
+    assert value["dl"][0] == results[0].corrections[0]
+
+
+def test_settings():
+    config = {"method": "paper", "truncate_at": None, "noise_cm": 2, "prior": {"v_deg": 90}}
+    assert settings.solver(config) == PaperModel(None)
+    assert settings.stochastic(config) == Stochastic(0.02, {"v": np.pi / 2})
+    with pytest.raises(ConfigError, match="allowed: paper"):
+        settings.solver({"method": "magic"})
+
+
+def test_parameters_have_their_order():
+    assert PARAMETERS == ("dl", "alpha", "v", "voff", "hoff")

@@ -1,0 +1,103 @@
+"""The simulated world: what leaves it is what a scanner would send."""
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loop.chain import study_world
+
+from velocal.errors import ConfigError
+from velocal.packets import view
+from velocal.recording.identify import candidates
+from velocal.recording.rotations import inspect
+from velocal.simulation import capture, survey, truth
+from velocal.simulation.scene import cast, surveyed_field
+
+
+def recording(world, scanner="HDL-32E", position="P5", sample="x", rotations=3):
+    return b"".join(capture.records(world, scanner, position, sample, rotations))
+
+
+@pytest.mark.parametrize(("scanner", "position"), [("HDL-64E", "P2"), ("HDL-32E", "P5")])
+def test_records_are_those_of_the_scanner(tmp_path, scanner, position):
+    path = tmp_path / "x.bin"
+    path.write_bytes(recording(study_world(), scanner, position))
+    found = inspect(path)
+    assert found.ledger.unaccounted_bytes == 0
+    assert not found.ledger.rejected
+    assert found.index.complete.sum() >= 3
+    assert candidates(found)[0].name == scanner
+    assert found.azimuth_multiple == (9 if scanner == "HDL-64E" else 1)
+    assert found.index.rate_hz() == pytest.approx(10.0, rel=0.01)
+
+
+def test_network_headers_are_valid():
+    record = recording(study_world())[:1248]
+    assert record[12:14] == b"\x08\x00"
+    words = struct.unpack(">10H", record[14:34])
+    total = sum(words)
+    assert (total & 0xFFFF) + (total >> 16) == 0xFFFF
+    assert struct.unpack(">H", record[16:18])[0] == 1234
+    assert struct.unpack(">HHH", record[34:40]) == (2368, 2368, 1214)
+
+
+def test_one_seed_one_recording_and_streams_of_their_own():
+    world = study_world()
+    assert recording(world) == recording(world)
+    assert recording(world) != recording(world, sample="y")
+    assert recording(world) != recording(replace(world, seed=1))
+    more = replace(world, positions={**world.positions, "P9": world.positions["P5"]})
+    assert recording(world) == recording(more)
+
+
+def test_distances_are_those_of_the_scene():
+    """Without errors a raw distance is the range to the scene, less the correction, in ticks."""
+    world = study_world().without_errors()
+    packets = view(
+        np.frombuffer(recording(world), dtype=np.uint8).reshape(-1, 1248)[:, 42:].copy()
+    )[:200]
+    azimuth = packets["blocks"]["azimuth"].reshape(-1)
+    raw = packets["blocks"]["channels"]["distance"].reshape(-1, 32)
+    true, pose = truth.unit_truth(world, "HDL-32E").parameters, world.pose("P5")
+    surfaces = surveyed_field(world)
+    for laser in (0, 9, 31):
+        theta = np.deg2rad(azimuth / 100) + 2 * np.pi * 10 * 1.152e-6 * laser - true.alpha[laser]
+        v = true.v[laser]
+        u = np.column_stack(
+            [np.cos(v) * np.sin(theta), np.cos(v) * np.cos(theta), np.full(len(theta), np.sin(v))]
+        )
+        length, _ = cast(surfaces, np.tile(pose.translation, (len(u), 1)), u @ pose.rotation.T)
+        expected = (length - true.dl[laser]) / 0.002
+        seen = raw[:, laser] > 0
+        assert seen.mean() > 0.99
+        difference = np.abs(raw[:, laser] - expected)[seen]
+        # Half a tick of rounding; the true angle is good to 0.005 deg, edges of walls apart.
+        assert np.quantile(difference, 0.95) < 1.5
+
+
+def test_relief_is_as_printed():
+    for name, (mean, largest) in {"short_wall": (1, 2), "long_wall": (1, 5)}.items():
+        surface = surveyed_field(study_world())[name]
+        a, b = (x.ravel() for x in np.meshgrid(*(np.linspace(0, e, 300) for e in surface.size)))
+        height = np.abs(surface.relief(a, b)) * 1e3
+        assert height.max() == pytest.approx(largest, rel=0.05)
+        assert height.mean() == pytest.approx(mean, rel=0.35)
+
+
+def test_survey_is_as_good_as_stated():
+    world = study_world()
+    parts = survey.field_targets(world)
+    assert sum(len(part.name) for part in parts) == 372
+    errors = []
+    for seed in range(60):
+        simulated = replace(world, seed=seed)
+        measured = survey.base_targets_field(simulated, "HDL-64E", "P1")
+        true = world.pose("P1").apply(survey.base_targets_true(world, "HDL-64E"))
+        errors.append((measured.xyz - true) / measured.std)
+    assert np.std(errors) == pytest.approx(1.0, abs=0.1)
+
+
+def test_unknown_scanner():
+    with pytest.raises(ConfigError, match="allowed: HDL-64E, HDL-32E"):
+        study_world().scanner("VLP-16")

@@ -1,0 +1,128 @@
+"""Configurations and sheets: every fault is one message that says where and what is allowed."""
+
+import copy
+
+import pytest
+import yaml
+
+from velocal.errors import ConfigError
+from velocal.study import check, check_files, read_sheet, read_study, read_yaml
+
+
+@pytest.fixture
+def schemas(root):
+    return root / "workflow/schemas"
+
+
+@pytest.fixture
+def config(root, monkeypatch):
+    monkeypatch.chdir(root)
+    return yaml.safe_load((root / "config/config.yaml").read_text())
+
+
+def test_the_study_is_sound(config, schemas):
+    study = read_study(config, schemas, "config")
+    assert list(study.surveyed) == ["sa1", "sa2", "sa3", "sa4", "sa5", "sa6"]
+    assert study.positions == {"P1": "HDL-64E", "P2": "HDL-64E", "P5": "HDL-32E", "P6": "HDL-32E"}
+    assert study.surveyed["sa1"].windows == ("beginning", "middle", "end")
+    check_files(study, "results/simulation", "config")
+
+
+def changed(config, path, value):
+    config = copy.deepcopy(config)
+    place = config
+    for key in path[:-1]:
+        place = place[key]
+    if value is None:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = value
+    return config
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("windws",), {}, "unknown key 'windws'"),
+        (("windows", "rotation"), 3, r"unknown key 'windows.rotation' \(allowed: rotations\)"),
+        (("windows", "rotations"), 0, "windows.rotations"),
+        (("windows", "rotations"), "ten", "windows.rotations"),
+        (("adjustment", "method"), "magic", r"'magic' \(allowed: paper\)"),
+        (("adjustment", "parameters"), ["dl", "beta"], "beta"),
+        (("results",), "../elsewhere", "results"),
+        (("parameter_sets", "HDL-64E", "set1"), ["sa5"], "no sample 'sa5' of that scanner"),
+        (("parameter_sets", "HDL-32E"), None, "no 'HDL-32E'"),
+        (("tables", "2", "samples"), ["sa9"], "no sample 'sa9'"),
+        (("tables", "7"), {}, "unknown key 'tables.7'"),
+        (("survey",), None, "'survey' is missing"),
+        (("samples",), "nowhere.tsv", "nowhere.tsv: cannot be read"),
+    ],
+)
+def test_faults_of_the_configuration(config, schemas, path, value, message):
+    with pytest.raises(ConfigError, match=message):
+        read_study(changed(config, path, value), schemas, "config")
+
+
+COLUMNS = "sample\tscanner\tposition\trecording\tcalibration\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("../../evil\tHDL-64E\tP1\tx.bin\tnominal\n", "row 1.*is not a name"),
+        ("ok; touch x #\tHDL-64E\tP1\tx.bin\tnominal\n", "row 1"),
+        ("a\tHDL-64E\tP1\tx.bin\tnominal\na\tHDL-64E\tP1\ty.bin\tnominal\n", "row 2.*occurs twice"),
+        ("a\tHDL-63E\tP1\tx.bin\tnominal\n", "'HDL-63E'.*allowed: HDL-64E"),
+        ("a\tHDL-64E\tP1\t\tnominal\n", "recording"),
+    ],
+)
+def test_faults_of_the_sheet(tmp_path, schemas, rows, message):
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text(COLUMNS + rows)
+    with pytest.raises(ConfigError, match=message):
+        read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
+
+
+def test_a_missing_recording_is_an_error_even_with_results(config, schemas, tmp_path):
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text(COLUMNS + "sa1\tHDL-64E\tP1\tgone.bin\tnominal\n")
+    small = changed(config, ("samples",), str(sheet))
+    small["parameter_sets"] = {"HDL-64E": {"set1": ["sa1"]}}
+    del small["tables"], small["figures"]
+    with pytest.raises(ConfigError, match=r"recording of sample 'sa1': no file 'gone.bin'"):
+        check_files(read_study(small, schemas, "config"), "results/simulation", "config")
+
+
+def test_two_scanners_at_one_position(config, schemas, tmp_path):
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text(
+        COLUMNS + "a\tHDL-64E\tP1\tx.bin\tnominal\n" + "b\tHDL-32E\tP1\ty.bin\tnominal\n"
+    )
+    with pytest.raises(ConfigError, match="used by two scanners"):
+        read_study(changed(config, ("samples",), str(sheet)), schemas, "config")
+
+
+def test_every_key_is_described(schemas):
+    """Schemas are the reference of the configuration: no key without a word on it."""
+    schema = read_yaml(schemas / "config.schema.yaml")
+
+    def walk(node, place):
+        for key, value in node.get("properties", {}).items():
+            described = "description" in value or place.startswith(("prior", "2-5", "0-9", "patch"))
+            inside = any(part in place for part in ("prior", "pattern", "patches"))
+            assert described or inside, f"{place}.{key}"
+            walk(value, f"{place}.{key}")
+
+    walk(schema, "config")
+    for name in ("samples", "field_samples"):
+        for column in read_yaml(schemas / f"{name}.schema.yaml")["properties"].values():
+            assert column["description"]
+
+
+def test_the_world_is_sound(root, schemas):
+    world = read_yaml(root / "config/world.yaml")
+    schema = read_yaml(schemas / "world.schema.yaml")
+    check(world, schema, "world")
+    world["scanners"]["HDL-64E"]["errors"]["dl_mm"] = 3
+    with pytest.raises(ConfigError, match=r"unknown key 'scanners.HDL-64E.errors.dl_mm'"):
+        check(world, schema, "world")

@@ -1,0 +1,86 @@
+"""Survey files and stations."""
+
+import numpy as np
+import pytest
+
+from velocal.errors import SurveyError
+from velocal.station import adjust_station, as_dict, patches_of
+from velocal.survey import Targets, read_targets, write_targets
+
+HEADER = "target,plane,x_m,y_m,z_m,std_x_mm,std_y_mm,std_z_mm\n"
+
+
+def sheet(tmp_path, body, header=HEADER):
+    path = tmp_path / "targets.csv"
+    path.write_text(header + body)
+    return path
+
+
+def test_round_trip(tmp_path):
+    targets = Targets(
+        ("a", "b"), ("w", "w"), np.array([[1.0, 2, 3], [4, 5, 6]]), np.full((2, 3), 1e-3)
+    )
+    write_targets(tmp_path / "t.csv", "plane", [targets])
+    found = read_targets(tmp_path / "t.csv", "plane")
+    assert found.name == targets.name
+    np.testing.assert_array_equal(found.xyz, targets.xyz)
+    np.testing.assert_allclose(found.std, targets.std)
+
+
+@pytest.mark.parametrize(
+    ("body", "header", "message"),
+    [
+        ("a,w,1,2,x,1,1,1\n", HEADER, "row 2"),
+        ("a,w,1,2,3,1,1,0\n", HEADER, "not positive"),
+        ("a,w,1,2,3,1,1,1\na,w,1,2,3,1,1,1\n", HEADER, "occurs twice"),
+        ("a,w,1,2,3,1,1\n", "target,plane,x_m,y_m,z_m,std_x_mm,std_y_mm\n", "std_z_mm"),
+        ("a,w,1,2,3,1,1,1,9\n", HEADER.strip() + ",colour\n", "colour"),
+    ],
+)
+def test_faults_are_named(tmp_path, body, header, message):
+    with pytest.raises(SurveyError, match=message):
+        read_targets(sheet(tmp_path, body, header), "plane")
+
+
+def test_missing_file_and_group(tmp_path):
+    with pytest.raises(SurveyError, match="cannot be read"):
+        read_targets(tmp_path / "no.csv", "plane")
+    targets = read_targets(sheet(tmp_path, "a,w,1,2,3,1,1,1\n"), "plane")
+    with pytest.raises(SurveyError, match=r"no targets of 'v' \(allowed: w\)"):
+        targets.of("v", where="x")
+
+
+def base(names, xyz):
+    xyz = np.asarray(xyz, dtype=float)
+    return Targets(tuple(names), ("b",) * len(names), xyz, np.full(xyz.shape, 1e-3))
+
+
+def wall():
+    a, b = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(0, 2, 4))
+    xyz = np.column_stack([a.ravel(), np.full(a.size, 3.0), b.ravel()])
+    return Targets(
+        tuple(f"t{i}" for i in range(a.size)), ("wall",) * a.size, xyz, np.full(xyz.shape, 1e-3)
+    )
+
+
+def test_station_and_its_file():
+    corners = [[0.3, 0, 0], [-0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.2]]
+    shifted = np.add(corners, [0.0, 1.0, 0.5])
+    station = adjust_station(
+        wall(), base("abcd", corners), base("dcba", shifted[::-1]), ["wall"], where="x"
+    )
+    np.testing.assert_allclose(station.pose.transformation.translation, [0, -1, -0.5], atol=1e-9)
+    patch = station.patches[0]
+    np.testing.assert_allclose(patch.plane.normal, [0, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(patch.plane.offset, -2.0, atol=1e-9)
+    again = patches_of(as_dict(station))[0]
+    np.testing.assert_array_equal(again.corners, patch.corners)
+    inside = patch.contains(np.array([[0.0, 2.0, 0.5], [0.0, 2.0, 1.6], [1.2, 2.0, 0.5]]))
+    assert inside.tolist() == [True, False, False]
+
+
+def test_too_few_common_base_targets():
+    with pytest.raises(SurveyError, match="2 targets in common"):
+        adjust_station(
+            wall(), base("ab", np.eye(3)[:2]), base("ab", np.eye(3)[:2]), ["wall"], where="x"
+        )

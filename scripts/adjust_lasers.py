@@ -36,11 +36,10 @@ def main(
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
         main(
             Path(snakemake.input.assigned),
             Path(snakemake.input.survey),
-            Path(calibration) if calibration else None,
+            Path(c) if (c := snakemake.input.calibration) else None,
             Path(snakemake.output.adjustment),
             scanner=snakemake.params.scanner,
             config=snakemake.params.adjustment,

@@ -46,11 +46,10 @@ def main(
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
         main(
             Path(snakemake.input.medians),
             Path(snakemake.input.survey),
-            Path(calibration) if calibration else None,
+            Path(c) if (c := snakemake.input.calibration) else None,
             Path(snakemake.output.assigned),
             scanner=snakemake.params.scanner,
             gates=snakemake.params.gates,

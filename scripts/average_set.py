@@ -38,10 +38,9 @@ def main(
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
         main(
             [Path(path) for path in snakemake.input.adjustments],
-            Path(calibration) if calibration else None,
+            Path(c) if (c := snakemake.input.calibration) else None,
             Path(snakemake.output.csv),
             Path(snakemake.output.yaml),
             Path(snakemake.output.xml),

@@ -1,1 +1,57 @@
-"""Being written."""
+"""Fit planes to patches of a recording without a survey, given or found."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from velocal import field, field_search, schemas, storage
+from velocal.calibration_files.formats import read_or_nominal
+from velocal.errors import reported
+from velocal.field_figure import field_planes
+from velocal.figures import save
+from velocal.sensors import scanner_named
+
+
+def main(
+    medians: Path,
+    calibration: Path | None,
+    outputs: Mapping[str, Path],
+    *,
+    sample: str,
+    scanner: str,
+    patches: Mapping[str, Any] | None,
+    search: Mapping[str, Any],
+    sigma_cm: float,
+) -> None:
+    """Write planes as JSON, statistics of s per plane and laser as CSV, and a picture."""
+    known = scanner_named(scanner)
+    columns, facts = storage.read_table(medians, schemas.MEDIANS)
+    parameters = read_or_nominal(calibration, known)
+    cloud = field.Cloud.of_medians(columns, known, facts["rotation_rate_hz"], parameters)
+    planes, findings = field_search.planes_of(cloud, patches, field.Search.from_config(search))
+    heading = {"sample": sample, "scanner": scanner}
+    rows, lasers = field.tabulate(planes, cloud, columns, heading, sigma_cm * 1e-2)
+    facts |= {**heading, "calibration": calibration.name if calibration else "nominal"}
+    facts |= {"medians": len(cloud.xyz), "sigma_cm": sigma_cm}
+    storage.write_json(outputs["planes"], {**facts, "findings": findings, "planes": rows})
+    storage.write_csv(outputs["lasers"], lasers)
+    members = {plane.name: plane.rows for plane in planes}
+    figure = field_planes(cloud.xyz, members, pd.DataFrame(lasers), facts, findings)
+    save(figure, outputs["svg"], outputs["png"])
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        calibration = snakemake.input.calibration
+        main(
+            Path(snakemake.input.medians),
+            Path(calibration) if calibration else None,
+            {name: Path(path) for name, path in snakemake.output.items()},
+            sample=snakemake.wildcards.sample,
+            scanner=snakemake.params.scanner,
+            patches=snakemake.params.patches,
+            search=snakemake.params.search,
+            sigma_cm=snakemake.params.sigma_cm,
+        )

@@ -9,7 +9,7 @@ from velocal.calibration_files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.sensors import scanner_named
 from velocal.station import observations, patches_of
-from velocal.validation import laser_statistics, statistics_table
+from velocal.validation import statistics_table
 
 
 def main(
@@ -30,32 +30,25 @@ def main(
     columns, facts = storage.read_table(assigned, schemas.ASSIGNED)
     data = observations(columns, patches_of(storage.read_json(survey)))
     factory = read_or_nominal(calibration, known)
-    corrections, _, _ = read_corrections(storage.read_csv(adjustment))
-    s = {
-        "before": data.misclosure(factory),
-        "after": data.misclosure(factory.corrected(corrections)),
-    }
-    xyz = points(data.distance_m, data.phi, data.laser_id, factory)
+    adjusted = factory.corrected(read_corrections(storage.read_csv(adjustment))[0])
+    s = {"before": data.misclosure(factory), "after": data.misclosure(adjusted)}
+    xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}
-    rows |= {name: xyz[:, axis] for axis, name in enumerate(("x_m", "y_m", "z_m"))}
+    rows |= dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True))
     rows |= {f"{name}_m": values for name, values in s.items()}
     storage.write_table(residuals, schemas.RESIDUALS, rows, **facts)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "calibration"}
-    per_laser = {
-        name: laser_statistics(values, data.laser_id, known.n_lasers, sigma_cm * 1e-2)
-        for name, values in s.items()
-    }
-    storage.write_csv(statistics, statistics_table(heading, per_laser))
+    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_cm * 1e-2)
+    storage.write_csv(statistics, table)
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
         main(
             Path(snakemake.input.assigned),
             Path(snakemake.input.adjustment),
             Path(snakemake.input.survey),
-            Path(calibration) if calibration else None,
+            Path(c) if (c := snakemake.input.calibration) else None,
             Path(snakemake.output.residuals),
             Path(snakemake.output.statistics),
             sample=snakemake.wildcards.sample,

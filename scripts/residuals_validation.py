@@ -8,10 +8,10 @@ from velocal import schemas, storage
 from velocal.assignment import Gates
 from velocal.calibration_files import formats
 from velocal.errors import reported
-from velocal.scans import assigned_scan, first_rotations
+from velocal.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.sensors import scanner_named
 from velocal.station import observations, patches_of
-from velocal.validation import laser_statistics, statistics_table
+from velocal.validation import statistics_table
 
 
 def main(
@@ -30,31 +30,26 @@ def main(
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
     patches = patches_of(storage.read_json(survey))
-    names = ["rotation", "azimuth", "laser_id", "distance"]
-    columns, facts = storage.read_table(returns, schemas.RETURNS, names)
+    columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, config["rotations"])
-    rate = facts["rotation_rate_hz"]
-    data = observations(
-        assigned_scan(scan, known, rate, factory, patches, Gates.from_config(gates)), patches
-    )
+    limits = Gates.from_config(gates)
+    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
+    data = observations(rows, patches)
     candidates = {"before": factory} | {p.stem: formats.read(p, known.n_lasers) for p in sets}
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
+    s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
     sigma_m = config["sigma_cm"] * 1e-2
-    per_laser = {
-        name: laser_statistics(data.misclosure(parameters), data.laser_id, known.n_lasers, sigma_m)
-        for name, parameters in candidates.items()
-    }
-    storage.write_csv(statistics, statistics_table(heading, per_laser))
+    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
+    storage.write_csv(statistics, table)
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
         main(
             Path(snakemake.input.returns),
             Path(snakemake.input.survey),
-            Path(calibration) if calibration else None,
+            Path(c) if (c := snakemake.input.calibration) else None,
             [Path(path) for path in snakemake.input.sets],
             Path(snakemake.output.statistics),
             sample=snakemake.wildcards.sample,

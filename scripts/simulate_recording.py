@@ -13,6 +13,7 @@ def main(
 ) -> None:
     """Write the records that the scanner would have sent."""
     simulated = world.load(read_yaml(world_file))
+    simulated.check_position(position, scanner)
     with atomic(recording) as temporary, temporary.open("wb") as file:
         for block in capture.records(simulated, scanner, position, sample, rotations):
             file.write(block)

@@ -1,6 +1,5 @@
 """Write the survey of the simulated world."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from velocal.errors import reported
@@ -9,26 +8,15 @@ from velocal.study import read_yaml
 from velocal.survey import write_targets
 
 
-def main(
-    world_file: Path,
-    planes: Path,
-    base_scanner: Path,
-    base_field: Path,
-    *,
-    positions: Mapping[str, str],
-) -> None:
+def main(world_file: Path, planes: Path, base_scanner: Path, base_field: Path) -> None:
     """Write targets of the planes, of the scanners' bases, and of the bases in the field."""
     simulated = world.load(read_yaml(world_file))
-    scanners = list(dict.fromkeys(positions.values()))
+    positions = {name: where["scanner"] for name, where in simulated.positions.items()}
+    bases = [survey.base_targets_scanner(simulated, scanner) for scanner in simulated.scanners]
+    in_field = [survey.base_targets_field(simulated, s, p) for p, s in positions.items()]
     write_targets(planes, "plane", survey.field_targets(simulated))
-    write_targets(
-        base_scanner, "scanner", [survey.base_targets_scanner(simulated, s) for s in scanners]
-    )
-    write_targets(
-        base_field,
-        "position",
-        [survey.base_targets_field(simulated, s, p) for p, s in positions.items()],
-    )
+    write_targets(base_scanner, "scanner", bases)
+    write_targets(base_field, "position", in_field)
 
 
 if "snakemake" in globals():
@@ -38,5 +26,4 @@ if "snakemake" in globals():
             Path(snakemake.output.planes),
             Path(snakemake.output.base_scanner),
             Path(snakemake.output.base_field),
-            positions=snakemake.params.positions,
         )

@@ -17,9 +17,12 @@ NUMERICAL = ("velocal", "numpy", "scipy", "pandas", "pyarrow", "matplotlib", "sn
 
 @cache
 def _imported(path: Path) -> frozenset[Path]:
-    """Files of the package that a file names in its imports, anywhere in its text."""
-    found: set[Path] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    """Modules that a file imports anywhere in its text, and data files that it names."""
+    if path.suffix != ".py":
+        return frozenset()
+    text = path.read_text(encoding="utf-8")
+    found = {data for data in (PACKAGE / "data").glob("*") if f'"{data.name}"' in text}
+    for node in ast.walk(ast.parse(text)):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]

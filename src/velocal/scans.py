@@ -14,6 +14,9 @@ from velocal.parameters import ParameterSet
 from velocal.planes import Patch
 from velocal.sensors import Scanner
 
+#: Columns of the table of returns that a scan needs.
+COLUMNS = ["rotation", "azimuth", "laser_id", "distance"]
+
 Columns = Mapping[str, NDArray[Any]]
 
 

@@ -82,6 +82,11 @@ class Study:
         return {s.position: s.scanner for s in self.surveyed.values() if s.position}
 
     @property
+    def factories(self) -> dict[str, str]:
+        """Factory calibration of every scanner: a file, or "nominal"."""
+        return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
+
+    @property
     def parameter_sets(self) -> dict[str, dict[str, list[str]]]:
         """Samples of every parameter set, by scanner."""
         return {
@@ -233,6 +238,12 @@ def _check_references(study: Study, where: str) -> None:
                 f"sample {sample.name!r}: unknown scanner {sample.scanner!r}",
                 where=where,
                 allowed=", ".join(SCANNERS),
+            )
+        if sample.position and sample.calibration != study.factories[sample.scanner]:
+            raise ConfigError(
+                f"the samples of {sample.scanner} name different calibration files",
+                where=where,
+                hint="Calibrate two units of one model in two studies.",
             )
         if sample.position and study.positions[sample.position] != sample.scanner:
             raise ConfigError(

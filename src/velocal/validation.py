@@ -103,24 +103,30 @@ _COLUMNS = {
 
 
 def statistics_table(
-    heading: Mapping[str, str], statistics: Mapping[str, LaserStatistics]
+    heading: Mapping[str, str],
+    residuals: Mapping[str, Array],
+    laser_id: NDArray[np.integer],
+    n_lasers: int,
+    sigma_m: float,
 ) -> dict[str, Array]:
-    """Columns of a table with one row per calibration and laser, in cm and per cent.
+    """Statistics as columns of a table, a row per calibration and laser, in cm and per cent.
 
     Parameters
     ----------
     heading : mapping of str to str
         Columns that are the same in every row.
-    statistics : mapping of str to LaserStatistics
-        By calibration: "before", "after" or the name of a parameter set.
+    residuals : mapping of str to ndarray, shape (n,)
+        Residuals by calibration: "before", "after" or the name of a parameter set.
+    laser_id, n_lasers, sigma_m
+        As for `laser_statistics`.
     """
     columns: dict[str, list[Any]] = {name: [] for name in (*heading, "calibration", "laser_id")}
     columns |= {name: [] for name in ("count", *_COLUMNS)}
-    for calibration, lasers in statistics.items():
-        n = len(lasers.count)
+    for calibration, s in residuals.items():
+        lasers = laser_statistics(s, laser_id, n_lasers, sigma_m)
         for name, value in {**heading, "calibration": calibration}.items():
-            columns[name].append(np.full(n, value))
-        columns["laser_id"].append(np.arange(n))
+            columns[name].append(np.full(n_lasers, value))
+        columns["laser_id"].append(np.arange(n_lasers))
         columns["count"].append(lasers.count)
         for name, (attribute, factor) in _COLUMNS.items():
             columns[name].append(getattr(lasers, attribute) * factor)

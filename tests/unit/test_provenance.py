@@ -20,6 +20,12 @@ def test_modules_imported_by_name_and_inside_functions(tmp_path):
     assert {"storage.py", "rigid.py"} <= found
 
 
+def test_data_files_that_a_module_names(tmp_path):
+    assert "data/published_tables.csv" in files(tmp_path, "from velocal import published\n")
+    assert "data/report.html.j2" in files(tmp_path, "from velocal import report\n")
+    assert "data/report.html.j2" not in files(tmp_path, "from velocal import published\n")
+
+
 def test_digest_changes_with_the_content(tmp_path, monkeypatch):
     package = tmp_path / "velocal"
     package.mkdir()

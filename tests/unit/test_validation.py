@@ -41,7 +41,7 @@ def test_size_of_the_variance_test():
 
 
 def test_summary_reads_the_table():
-    table = statistics_table({"sample": "a"}, {"before": laser_statistics(S, LASER, 4, 0.02)})
+    table = statistics_table({"sample": "a"}, {"before": S}, LASER, 4, 0.02)
     assert set(table["calibration"]) == {"before"}
     row = summary_row(table)
     rms = [np.sqrt(np.mean(S[laser == LASER] ** 2)) * 100 for laser in (0, 2)]
@@ -52,7 +52,8 @@ def test_summary_reads_the_table():
 
 
 def test_nothing_assigned_is_not_a_number():
-    empty = laser_statistics(np.zeros(0), np.zeros(0, int), 3, 0.02)
-    row = summary_row(statistics_table({}, {"before": empty}))
+    nothing = np.zeros(0)
+    table = statistics_table({}, {"before": nothing}, nothing.astype(int), 3, 0.02)
+    row = summary_row(table)
     assert np.isnan(row["std_cm"])
     assert row["lasers"] == 0

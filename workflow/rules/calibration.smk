@@ -14,14 +14,14 @@ rule assign_medians:
         calibration=calibration_file,
     output:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        gates=config.get("assignment", {}).get("gates"),
-        library=library("assign_medians"),
     log:
         f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        gates=config.get("assignment", {}).get("gates"),
+        library=library("assign_medians"),
     script:
         "../../scripts/assign_medians.py"
 
@@ -33,14 +33,14 @@ rule adjust_lasers:
         calibration=calibration_file,
     output:
         adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        adjustment=config.get("adjustment"),
-        library=library("adjust_lasers"),
     log:
         f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        adjustment=config.get("adjustment"),
+        library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
 
@@ -56,12 +56,12 @@ rule average_set:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
-    params:
-        windows=len(WINDOWS),
-        library=library("average_set"),
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
     conda:
         "../../environment.yml"
+    params:
+        windows=len(WINDOWS),
+        library=library("average_set"),
     script:
         "../../scripts/average_set.py"

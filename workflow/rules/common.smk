@@ -7,8 +7,10 @@ from velocal.errors import VelocalError
 from velocal.provenance import library_digest
 from velocal.study import WHOLE, WINDOWS, check, check_files, read_study, read_yaml
 
-WORKFLOW = Path(workflow.basedir) if Path(workflow.basedir).name == "workflow" else (
-    Path(workflow.basedir) / "workflow"
+WORKFLOW = (
+    Path(workflow.basedir)
+    if Path(workflow.basedir).name == "workflow"
+    else (Path(workflow.basedir) / "workflow")
 )
 SCRIPTS = WORKFLOW.parent / "scripts"
 CONFIG_NAME = "configuration"
@@ -18,10 +20,17 @@ try:
     RESULTS = config["results"].rstrip("/")
     WORLD = config.get("simulation", {}).get("world")
     if WORLD:
-        check(read_yaml(Path(WORLD)), read_yaml(WORKFLOW / "schemas/world.schema.yaml"), WORLD)
+        check(
+            read_yaml(Path(WORLD)),
+            read_yaml(WORKFLOW / "schemas/world.schema.yaml"),
+            WORLD,
+        )
     check_files(STUDY, f"{RESULTS}/simulation" if WORLD else None, CONFIG_NAME)
 except VelocalError as error:
     raise WorkflowError(str(error)) from None
+
+
+FIGURES = config.get("figures", {})
 
 
 def one_of(names):
@@ -56,8 +65,8 @@ def calibration_file(wildcards):
 
 def factory_of_scanner(wildcards):
     """Factory calibration of the scanner of a parameter set."""
-    samples = [s for s in STUDY.surveyed.values() if s.scanner == wildcards.scanner]
-    return [] if samples[0].calibration == "nominal" else samples[0].calibration
+    path = STUDY.factories[wildcards.scanner]
+    return [] if path == "nominal" else path
 
 
 def per_window(pattern, samples):
@@ -78,6 +87,43 @@ def set_files(suffixes=("csv", "yaml", "xml")):
     ]
 
 
+def table_files(suffixes=("csv", "md", "tex")):
+    return expand(
+        f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
+        table=config.get("tables", {}),
+        suffix=suffixes,
+    )
+
+
+def figure_files(suffixes=("svg", "png", "csv")):
+    return expand(
+        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
+        figure=FIGURES,
+        suffix=suffixes,
+    )
+
+
+def figure_input(wildcards):
+    """Histograms read residuals of their samples, the others the statistics per laser."""
+    figure = FIGURES[wildcards.figure]
+    if figure["kind"] == "histogram":
+        return per_window(
+            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", figure["samples"]
+        )
+    return [f"{RESULTS}/statistics/lasers.csv"]
+
+
+def field_files():
+    return [
+        f"{RESULTS}/field/table.csv",
+        *expand(
+            f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
+            sample=STUDY.field,
+            suffix=("json", "svg", "png"),
+        ),
+    ]
+
+
 def targets():
     """Everything that the study asks for."""
     wanted = [f"{RESULTS}/report.html"]
@@ -88,7 +134,9 @@ def targets():
         if config.get("compare_with_paper"):
             wanted.append(f"{RESULTS}/published/agreement.csv")
         if WORLD:
-            wanted += [f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners]
+            wanted += [
+                f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners
+            ]
     if STUDY.field:
         wanted += field_files()
     return wanted

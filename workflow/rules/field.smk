@@ -4,18 +4,9 @@
 # out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
 #       {results}/field/{sample}/lasers.csv       std of s per plane and laser
 #       {results}/field/{sample}/planes.{svg,png} picture
-#       {results}/field/table.csv                 one row per sample and plane
+#       {results}/field/table.{csv,md}            one row per sample and plane
 
-
-def field_files():
-    return [
-        f"{RESULTS}/field/table.csv",
-        *expand(
-            f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
-            sample=STUDY.field,
-            suffix=("json", "svg", "png"),
-        ),
-    ]
+FIELD = config.get("field", {})
 
 
 rule fit_field_planes:
@@ -27,15 +18,16 @@ rule fit_field_planes:
         lasers=f"{RESULTS}/field/{{sample}}/lasers.csv",
         svg=f"{RESULTS}/field/{{sample}}/planes.svg",
         png=f"{RESULTS}/field/{{sample}}/planes.png",
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        patches=lambda wildcards: config["field"].get("patches", {}).get(wildcards.sample),
-        search=config.get("field", {}).get("search"),
-        library=library("fit_field_planes"),
     log:
         f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        patches=lambda wildcards: FIELD.get("patches", {}).get(wildcards.sample),
+        search=FIELD.get("search"),
+        sigma_cm=FIELD.get("sigma_cm"),
+        library=library("fit_field_planes"),
     script:
         "../../scripts/fit_field_planes.py"
 
@@ -46,11 +38,11 @@ rule tabulate_field:
     output:
         csv=f"{RESULTS}/field/table.csv",
         md=f"{RESULTS}/field/table.md",
-    params:
-        library=library("tabulate_field"),
     log:
         f"{RESULTS}/logs/tabulate_field.log",
     conda:
         "../../environment.yml"
+    params:
+        library=library("tabulate_field"),
     script:
         "../../scripts/tabulate_field.py"

@@ -15,13 +15,13 @@ rule index_recording:
     output:
         ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        library=library("index_recording"),
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
 
@@ -32,16 +32,16 @@ rule decode_returns:
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
     output:
         returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+    log:
+        f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=800,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         length=config.get("windows", {}).get("rotations"),
         library=library("decode_returns"),
-    log:
-        f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
-    resources:
-        mem_mb=800,
-    conda:
-        "../../environment.yml"
     script:
         "../../scripts/decode_returns.py"
 
@@ -51,6 +51,12 @@ rule reduce_medians:
         returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
     output:
         medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+    log:
+        f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=1200,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         cell_deg=lambda wildcards: config["reduction"]["cell_deg"].get(
@@ -58,11 +64,5 @@ rule reduce_medians:
         ),
         min_count=config["reduction"]["min_count"],
         library=library("reduce_medians"),
-    log:
-        f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
-    resources:
-        mem_mb=1200,
-    conda:
-        "../../environment.yml"
     script:
         "../../scripts/reduce_medians.py"

@@ -6,24 +6,6 @@
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
 
-FIGURES = config.get("figures", {})
-
-
-def table_files(suffixes=("csv", "md", "tex")):
-    return expand(
-        f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
-        table=config.get("tables", {}),
-        suffix=suffixes,
-    )
-
-
-def figure_files(suffixes=("svg", "png", "csv")):
-    return expand(
-        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
-        figure=FIGURES,
-        suffix=suffixes,
-    )
-
 
 rule make_table:
     input:
@@ -61,16 +43,6 @@ rule compare_with_paper:
         "../../scripts/compare_with_paper.py"
 
 
-def figure_input(wildcards):
-    """Histograms read residuals of their samples, the others the statistics per laser."""
-    figure = FIGURES[wildcards.figure]
-    if figure["kind"] == "histogram":
-        return per_window(
-            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", figure["samples"]
-        )
-    return [f"{RESULTS}/statistics/lasers.csv"]
-
-
 rule draw_figure:
     input:
         data=figure_input,
@@ -92,16 +64,6 @@ rule draw_figure:
         "../../scripts/draw_figure.py"
 
 
-def factories():
-    """Factory calibration of every calibrated scanner: a file, or "nominal"."""
-    return {
-        scanner: next(
-            s.calibration for s in STUDY.surveyed.values() if s.scanner == scanner
-        )
-        for scanner in STUDY.parameter_sets
-    }
-
-
 rule write_report:
     input:
         ledgers=expand(
@@ -117,7 +79,7 @@ rule write_report:
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
-        factories=[path for path in factories().values() if path != "nominal"],
+        factories=[path for path in STUDY.factories.values() if path != "nominal"],
         field=[f for f in field_files() if not f.endswith("svg")] if STUDY.field else [],
     output:
         report=f"{RESULTS}/report.html",
@@ -130,7 +92,7 @@ rule write_report:
         simulated=bool(WORLD),
         tables=config.get("tables", {}),
         figures=FIGURES,
-        factories=factories(),
+        factories=STUDY.factories,
         library=library("write_report"),
     script:
         "../../scripts/write_report.py"

@@ -16,15 +16,15 @@ if WORLD:
             world=WORLD,
         output:
             recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
+        log:
+            f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
+        conda:
+            "../../environment.yml"
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
             rotations=config["simulation"]["rotations"],
             library=library("simulate_recording"),
-        log:
-            f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
-        conda:
-            "../../environment.yml"
         script:
             "../../scripts/simulate_recording.py"
 
@@ -34,12 +34,12 @@ if WORLD:
         output:
             factory=f"{RESULTS}/simulation/factory/{{scanner}}.xml",
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
-        params:
-            library=library("simulate_factory"),
         log:
             f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
         conda:
             "../../environment.yml"
+        params:
+            library=library("simulate_factory"),
         script:
             "../../scripts/simulate_factory.py"
 
@@ -50,12 +50,11 @@ if WORLD:
             planes=f"{RESULTS}/simulation/survey/planes.csv",
             base_scanner=f"{RESULTS}/simulation/survey/base_scanner.csv",
             base_field=f"{RESULTS}/simulation/survey/base_field.csv",
-        params:
-            positions=STUDY.positions,
-            library=library("simulate_survey"),
         log:
             f"{RESULTS}/logs/simulate_survey.log",
         conda:
             "../../environment.yml"
+        params:
+            library=library("simulate_survey"),
         script:
             "../../scripts/simulate_survey.py"

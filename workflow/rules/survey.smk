@@ -13,13 +13,13 @@ rule adjust_survey:
         base_field=config.get("survey", {}).get("base_field", []),
     output:
         survey=f"{RESULTS}/survey/{{position}}.json",
-    params:
-        scanner=lambda wildcards: STUDY.positions[wildcards.position],
-        planes=config.get("assignment", {}).get("planes"),
-        library=library("adjust_survey"),
     log:
         f"{RESULTS}/logs/adjust_survey/{{position}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: STUDY.positions[wildcards.position],
+        planes=config.get("assignment", {}).get("planes"),
+        library=library("adjust_survey"),
     script:
         "../../scripts/adjust_survey.py"

@@ -17,14 +17,14 @@ rule residuals_calibration:
     output:
         residuals=f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
         statistics=f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv",
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
-        library=library("residuals_calibration"),
     log:
         f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
     conda:
         "../../environment.yml"
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        library=library("residuals_calibration"),
     script:
         "../../scripts/residuals_calibration.py"
 
@@ -41,15 +41,15 @@ rule residuals_validation:
         ),
     output:
         statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
+    log:
+        f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
+    conda:
+        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         gates=config.get("assignment", {}).get("gates"),
         validation=config.get("validation"),
         library=library("residuals_validation"),
-    log:
-        f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     script:
         "../../scripts/residuals_validation.py"
 
@@ -60,17 +60,18 @@ rule summarise_statistics:
             path
             for stage in ("calibration", "validation")
             for path in per_window(
-                f"{RESULTS}/statistics/{stage}/{{sample}}/{{window}}.csv", STUDY.surveyed
+                f"{RESULTS}/statistics/{stage}/{{sample}}/{{window}}.csv",
+                STUDY.surveyed,
             )
         ],
     output:
         lasers=f"{RESULTS}/statistics/lasers.csv",
         summary=f"{RESULTS}/statistics/summary.csv",
-    params:
-        library=library("summarise_statistics"),
     log:
         f"{RESULTS}/logs/summarise_statistics.log",
     conda:
         "../../environment.yml"
+    params:
+        library=library("summarise_statistics"),
     script:
         "../../scripts/summarise_statistics.py"

@@ -70,7 +70,7 @@ class World:
 
     seed: int
     field: Mapping[str, Any]
-    positions: Mapping[str, Mapping[str, float]]
+    positions: Mapping[str, Mapping[str, Any]]
     scanners: Mapping[str, ScannerWorld]
 
     def rng(self, *stream: str) -> np.random.Generator:
@@ -115,6 +115,22 @@ class World:
             field={**self.field, "flatness": flat, "target_std_mm": 1e-6},
             scanners=scanners,
         )
+
+    def check_position(self, position: str, scanner: str) -> None:
+        """Check that a scanner stands at a position.
+
+        Raises
+        ------
+        ConfigError
+            If the position is unknown or belongs to another scanner.
+        """
+        stands = {name: where["scanner"] for name, where in self.positions.items()}
+        if stands.get(position) != scanner:
+            raise ConfigError(
+                f"no {scanner} stands at position {position!r} of the simulated world",
+                allowed=", ".join(f"{name} ({unit})" for name, unit in stands.items()),
+                hint="Name another position, or describe this one under `positions:`.",
+            )
 
     def scanner(self, name: str) -> ScannerWorld:
         """Look up a simulated unit.

@@ -1,0 +1,45 @@
+"""Made-up statistics of a study like the paper's."""
+
+import numpy as np
+import pandas as pd
+
+from velocal.study import WINDOWS
+from velocal.validation import statistics_table, summary_row
+
+SAMPLES = {"HDL-64E": ("sa1", "sa2", "sa3", "sa4"), "HDL-32E": ("sa5", "sa6")}
+SETS = {"HDL-64E": ("set1", "set2", "set3"), "HDL-32E": ("set1",)}
+N_LASERS = {"HDL-64E": 64, "HDL-32E": 32}
+#: Standard deviation of s in cm; set2 is the best of the HDL-64E.
+STD_CM = {"before": 3.5, "after": 1.2, "set1": 2.2, "set2": 1.9, "set3": 2.0}
+
+TABLES = {
+    "2": {"scanner": "HDL-64E", "samples": ["sa3", "sa4"], "data": "calibration"},
+    "3": {"scanner": "HDL-32E", "samples": ["sa5"], "data": "calibration"},
+    "4": {"scanner": "HDL-64E", "samples": ["sa1", "sa2", "sa3", "sa4"], "data": "validation"},
+    "5": {"scanner": "HDL-32E", "samples": ["sa5", "sa6"], "data": "validation"},
+}
+
+
+def statistics() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Statistics of all lasers and of all windows; laser 7 of each scanner hits nothing."""
+    random = np.random.default_rng(5)
+    parts, rows = [], []
+    for scanner, samples in SAMPLES.items():
+        calibrations = {"calibration": ("before", "after")}
+        calibrations["validation"] = ("before", *SETS[scanner])
+        for data, names in calibrations.items():
+            for sample in samples:
+                for window in WINDOWS:
+                    heading = {"scanner": scanner, "sample": sample, "window": window, "data": data}
+                    lasers = _lasers(random, N_LASERS[scanner])
+                    for name in names:
+                        s = {name: random.normal(0.0, STD_CM[name] * 1e-2, len(lasers))}
+                        table = statistics_table(heading, s, lasers, N_LASERS[scanner], 0.02)
+                        parts.append(pd.DataFrame(table))
+                        rows.append({**heading, "calibration": name, **summary_row(table)})
+    return pd.concat(parts, ignore_index=True), pd.DataFrame(rows)
+
+
+def _lasers(random: np.random.Generator, n_lasers: int) -> np.ndarray:
+    """Lasers of the residuals of a window, more or fewer of them in each."""
+    return np.repeat(np.delete(np.arange(n_lasers), 6), random.integers(20, 30))

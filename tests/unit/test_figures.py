@@ -1,0 +1,203 @@
+"""Figures: their numbers, their bytes, their scales."""
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from draw_figure import main
+from results_helpers import statistics
+
+from velocal import figures, schemas, storage
+from velocal.errors import ConfigError, VelocalError
+
+LASERS, SUMMARY = statistics()
+
+
+def selection(kind="std", data="validation", scanner="HDL-64E", samples=("sa1", "sa2"), **more):
+    return {"kind": kind, "scanner": scanner, "samples": list(samples), "data": data, **more}
+
+
+def numbers(**changes):
+    return figures.per_laser(LASERS, SUMMARY, selection(**changes))
+
+
+def test_lasers_are_counted_from_one():
+    found = numbers()
+    assert list(found["laser"]) == [*range(1, 65)] * 2
+    assert (found["laser"] == found["laser_id"] + 1).all()
+    assert list(found["calibration"]) == ["before"] * 64 + ["after"] * 64
+
+
+@pytest.mark.parametrize(
+    ("data", "scanner", "samples", "parameters"),
+    [
+        ("validation", "HDL-64E", ("sa1", "sa2"), "set2"),
+        ("validation", "HDL-32E", ("sa5",), "set1"),
+        ("calibration", "HDL-64E", ("sa3",), "adjusted"),
+    ],
+)
+def test_what_after_stands_for(data, scanner, samples, parameters):
+    found = numbers(data=data, scanner=scanner, samples=samples)
+    assert dict(zip(found["calibration"], found["parameters"], strict=True)) == {
+        "before": "factory",
+        "after": parameters,
+    }
+
+
+def test_windows_are_weighted_by_their_residuals():
+    rows = LASERS.query(
+        "sample in ['sa1', 'sa2'] and data == 'validation' and calibration == 'set2' "
+        "and laser_id == 11"
+    )
+    assert rows["count"].nunique() > 1
+    found = numbers(kind="within").query("calibration == 'after' and laser == 12").iloc[0]
+    assert found["count"] == rows["count"].sum()
+    for name in ("within_1sigma_pct", "within_3sigma_pct"):
+        np.testing.assert_allclose(found[name], np.average(rows[name], weights=rows["count"]))
+    std = numbers().query("calibration == 'after' and laser == 12")["std_cm"].iloc[0]
+    mean_square = np.average(rows["rms_cm"] ** 2, weights=rows["count"])
+    np.testing.assert_allclose(std, np.sqrt(mean_square))
+
+
+def test_a_laser_without_residuals_is_named_and_not_drawn():
+    found = numbers()
+    assert found.query("laser == 7")["std_cm"].isna().all()
+    figure = figures.draw_per_laser(found, selection(), sigma_cm=2.0, simulated=False)
+    assert figure.axes[-1].get_xlabel() == "laser (no residuals: 7)"
+
+
+@pytest.mark.parametrize(("kind", "panels"), [("std", 1), ("within_3sigma", 1), ("within", 2)])
+def test_panels_share_a_scale_before_and_after(kind, panels):
+    figure = figures.draw_per_laser(
+        numbers(kind=kind), selection(kind=kind), sigma_cm=2.0, simulated=False
+    )
+    assert len(figure.axes) == panels
+    for ax in figure.axes:
+        low, high = ax.get_ylim()
+        markers = [line for line in ax.lines if line.get_marker() == "o"]
+        assert [line.get_label() for line in markers] == ["before (factory)", "after (set2)"]
+        for line in markers:
+            values = np.asarray(line.get_ydata())
+            assert (values[np.isfinite(values)] <= high).all()
+        assert low == 0.0
+        assert "[cm]" in ax.get_ylabel() or "[%]" in ax.get_ylabel()
+
+
+def test_datasheet_line():
+    figure = figures.draw_per_laser(numbers(), selection(), sigma_cm=2.5, simulated=False)
+    dashed = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+    assert [line.get_ydata()[0] for line in dashed] == [2.5]
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.texts]
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_only_simulated_studies_say_so(simulated):
+    histogram = figures.histogram(np.array([0.01, -0.02]), np.array([0.0, 0.001]))
+    options = {"sigma_cm": 2.0, "simulated": simulated}
+    for figure in (
+        figures.draw_per_laser(numbers(), selection(), **options),
+        figures.draw_histogram(
+            histogram, selection("histogram", "calibration", laser=1), **options
+        ),
+    ):
+        assert ("simulated recordings" in texts(figure)) == simulated
+
+
+def test_missing_sample_is_named():
+    with pytest.raises(VelocalError, match=r"sample 'sa9'.*sa1, sa2, sa3, sa4"):
+        numbers(data="calibration", samples=("sa1", "sa9"))
+
+
+def test_histogram_counts_every_residual_once():
+    random = np.random.default_rng(1)
+    before, after = random.normal(0.05, 0.02, 5000), random.normal(0.0, 0.01, 5000)
+    found = figures.histogram(before, after)
+    assert found["before"].sum() == found["after"].sum() == 5000
+    inner = found.iloc[1:-1]
+    for name, s in (("before", before), ("after", after)):
+        edges = np.append(inner["from_cm"], inner["to_cm"].iloc[-1])
+        # np.histogram closes its last bin above.
+        expected = np.histogram(s[s * 100 < edges[-1]] * 100, edges)[0]
+        assert list(inner[name]) == list(expected)
+    width = inner["to_cm"] - inner["from_cm"]
+    np.testing.assert_allclose(width, width.iloc[0])
+    np.testing.assert_allclose(inner["from_cm"].iloc[0], -inner["to_cm"].iloc[-1])
+    assert found["before"].iloc[[0, -1]].sum() <= 0.002 * 10000 + 1
+
+
+def test_histogram_without_any_spread():
+    found = figures.histogram(np.zeros(5), np.zeros(5))
+    assert found["before"].sum() == 5
+
+
+def test_histogram_panels_share_axes():
+    found = figures.histogram(np.linspace(-0.1, 0.1, 50), np.linspace(-0.01, 0.01, 50))
+    figure = figures.draw_histogram(
+        found, selection("histogram", "calibration", laser=3), sigma_cm=2.0, simulated=False
+    )
+    left, right = figure.axes
+    assert left.get_xlim() == right.get_xlim()
+    assert left.get_ylim() == right.get_ylim()
+
+
+def test_residuals_of_one_laser():
+    table = {
+        "laser_id": np.array([0, 9, 9, 1], np.uint8),
+        "before_m": np.array([1.0, 2.0, 3.0, 4.0], np.float32),
+        "after_m": np.array([5.0, 6.0, 7.0, 8.0], np.float32),
+    }
+    chosen = selection("histogram", "calibration", laser=10)
+    before, after = figures.residuals_of([table, table], chosen)
+    assert before.tolist() == [2, 3, 2, 3]
+    assert after.tolist() == [6, 7, 6, 7]
+
+
+def test_histogram_errors():
+    with pytest.raises(VelocalError, match="no residuals"):
+        figures.histogram(np.zeros(0), np.zeros(0))
+    for wrong in (selection("histogram", "calibration"), selection("histogram", laser=1)):
+        with pytest.raises(ConfigError, match="histogram of"):
+            figures.residuals_of([], wrong)
+
+
+def draw(tmp_path, name, chosen):
+    storage.write_csv(tmp_path / "lasers.csv", LASERS)
+    storage.write_csv(tmp_path / "summary.csv", SUMMARY)
+    data = [tmp_path / "lasers.csv"]
+    if chosen["kind"] == "histogram":
+        data = [tmp_path / "residuals.parquet"]
+        n = 400
+        columns = {f"{axis}_m": np.zeros(n, np.float32) for axis in "xyz"}
+        columns |= {"laser_id": np.arange(n) % 64, "plane": np.zeros(n)}
+        columns |= {"before_m": np.linspace(0, 0.1, n), "after_m": np.linspace(-0.02, 0.02, n)}
+        storage.write_table(data[0], schemas.RESIDUALS, columns)
+    files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
+    main(
+        data, tmp_path / "summary.csv", *files,
+        selection=chosen, sigma_cm=2.0, simulated=True,
+    )  # fmt: skip
+    return files
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        selection("std"),
+        selection("within", "calibration", "HDL-32E", ("sa5",)),
+        selection("histogram", "calibration", laser=10),
+    ],
+    ids=lambda chosen: chosen["kind"],
+)
+def test_bytes_depend_on_nothing_but_the_numbers(tmp_path, monkeypatch, chosen):
+    first = draw(tmp_path, "first", chosen)
+    monkeypatch.setitem(mpl.rcParams, "font.size", 23.0)
+    monkeypatch.setitem(mpl.rcParams, "savefig.dpi", 30)
+    second = draw(tmp_path, "second", chosen)
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+    assert mpl.rcParams["font.size"] == 23.0
+    assert len(pd.read_csv(first[2])) > 0
+    assert b"<dc:date>" not in first[0].read_bytes()

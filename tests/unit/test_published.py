@@ -1,0 +1,142 @@
+"""Comparison with the printed numbers."""
+
+import pandas as pd
+import pytest
+from compare_with_paper import main
+from results_helpers import TABLES, statistics
+
+from velocal import published, storage, tables
+from velocal.errors import VelocalError
+
+_, SUMMARY = statistics()
+ROWS = published.printed_rows()
+
+
+def reproduced(summary=SUMMARY):
+    return pd.concat(
+        [
+            tables.formatted(tables.build(number, entry, summary, simulated=True).frame)
+            for number, entry in TABLES.items()
+        ]
+    )
+
+
+def as_printed():
+    """A summary whose numbers are exactly the paper's."""
+    summary = SUMMARY.copy()
+    for row in ROWS:
+        same = (summary["sample"] == row.reproduced_sample) & (summary["window"] == row.window)
+        same &= summary["data"] == published.DATA[row.table]
+        before = summary["calibration"] == "before"
+        same &= before if row.calibration == "before" else ~before
+        assert same.any()
+        for quantity, value in row.values.items():
+            summary.loc[same, quantity] = value
+    return summary
+
+
+def test_every_printed_cell_has_a_row():
+    found = published.agreement(SUMMARY, reproduced())
+    assert list(found) == list(published.COLUMNS)
+    assert list(found["item"]) == [row.item(q) for row in ROWS for q in published.TOLERANCES]
+    assert found["item"].is_unique
+    assert not found.isna().any().any()
+    assert set(found["within"]) <= {"true", "false"}
+    assert found["item"][0] == "II HDL-64E sa3 beginning before std_cm"
+
+
+def test_the_papers_own_numbers_agree_exactly():
+    summary = as_printed()
+    found = published.agreement(summary, reproduced(summary))
+    assert (found["difference"] == 0).all()
+    assert (found["within"] == "true").all()
+
+
+def test_verdict_follows_the_printed_numbers():
+    found = published.agreement(SUMMARY, reproduced())
+    within = found["difference"].abs() <= found["tolerance"]
+    assert (found["within"] == within.map({True: "true", False: "false"})).all()
+    assert ((found["reproduced"] - found["paper"] - found["difference"]).abs() < 1e-9).all()
+    assert {"true", "false"} == set(found["within"])
+
+
+@pytest.mark.parametrize(("change", "verdict"), [(0.3, "true"), (0.301, "false"), (-0.3, "true")])
+def test_the_tolerance_itself_is_within(change, verdict):
+    summary = as_printed()
+    summary.loc[summary["calibration"] == "before", "std_cm"] += change
+    found = published.agreement(summary, reproduced(summary)).set_index("item")
+    assert found["within"]["IV HDL-64E sa1 end before std_cm"] == verdict
+
+
+def test_numbers_have_all_digits_of_the_statistics():
+    found = published.agreement(SUMMARY, reproduced()).set_index("item")["reproduced"]
+    best = SUMMARY.query(
+        "sample == 'sa2' and window == 'end' and data == 'validation' and calibration == 'set2'"
+    )
+    assert found["IV HDL-64E sa2 end after std_cm"] == round(best["std_cm"].iloc[0], 3)
+
+
+@pytest.mark.parametrize(
+    ("item", "sample", "data", "calibration"),
+    [
+        ("III HDL-32E sa6 middle after std_cm", "sa5", "calibration", "after"),
+        ("V HDL-32E sc3 beginning before std_cm", "sa5", "validation", "before"),
+        ("V HDL-32E sa3 end after std_cm", "sa5", "validation", "set1"),
+        ("V HDL-32E sa4 end before std_cm", "sa6", "validation", "before"),
+        ("V HDL-32E sa4 end after std_cm", "sa6", "validation", "set1"),
+    ],
+)
+def test_contradictory_labels_are_read_as_documented(item, sample, data, calibration):
+    found = published.agreement(SUMMARY, reproduced()).set_index("item")["reproduced"]
+    keys = ["scanner", "sample", "window", "data", "calibration"]
+    rows = SUMMARY.set_index(keys)["std_cm"]
+    value = rows.loc[("HDL-32E", sample, item.split()[3], data, calibration)]
+    assert found[item] == round(value, 3)
+
+
+def test_contradictions_are_cells_and_explained():
+    items = {row.item(quantity) for row in ROWS for quantity in published.TOLERANCES}
+    assert set(published.CONTRADICTIONS) < items
+    assert all(len(reason) > 40 for reason in published.CONTRADICTIONS.values())
+
+
+@pytest.mark.parametrize(
+    ("keep", "message"),
+    [
+        ("table != 'V'", r"table V.*nothing is reproduced for 'V HDL-32E sc3"),
+        ("sample != 'sa4'", r"table II.*HDL-64E, sample sa4"),
+        ("not (table == 'IV' and window == 'end')", r"table IV.*window end"),
+    ],
+)
+def test_what_is_missing_is_named(keep, message):
+    with pytest.raises(VelocalError, match=rf"{message}(.|\n)*Hint: .*compare_with_paper"):
+        published.agreement(SUMMARY, reproduced().query(keep))
+
+
+def test_no_residuals_is_an_error_and_not_a_verdict():
+    shown = reproduced()
+    summary = SUMMARY.copy()
+    for frame in (summary, shown):
+        frame.loc[(frame["sample"] == "sa5") & (frame["window"] == "end"), "std_cm"] = None
+    with pytest.raises(VelocalError, match="with residuals"):
+        published.agreement(summary, shown)
+
+
+def test_tables_of_other_statistics_are_refused():
+    other = reproduced()
+    other["std_cm"] = other["std_cm"].astype(float) + 0.05
+    with pytest.raises(VelocalError, match="do not show numbers of the statistics"):
+        published.agreement(SUMMARY, other)
+
+
+def test_script(tmp_path):
+    storage.write_csv(tmp_path / "summary.csv", SUMMARY)
+    parts = []
+    for number, frame in reproduced().groupby("table"):
+        parts.append(tmp_path / f"{number}.csv")
+        storage.write_csv(parts[-1], frame)
+    main(tmp_path / "summary.csv", parts, tmp_path / "agreement.csv")
+    lines = (tmp_path / "agreement.csv").read_text().splitlines()
+    assert lines[0] == "item,paper,reproduced,difference,tolerance,within"
+    assert len(lines) == 1 + 3 * len(ROWS)
+    assert all(line.endswith((",true", ",false")) for line in lines[1:])

@@ -1,0 +1,244 @@
+"""The report: complete, self-contained, the same bytes for the same study."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from results_helpers import TABLES, statistics
+from write_report import main
+
+from velocal import published, report, storage, tables
+from velocal.calibration_files import table as calibration_table
+from velocal.parameters import nominal
+from velocal.sensors import SCANNERS
+
+LASERS, SUMMARY = statistics()
+FACTORY = nominal(SCANNERS["HDL-32E"])
+PNG = b"\x89PNG\r\n\x1a\nnot really"
+
+LEDGER = {
+    "file": "sa5.bin", "scanner": "HDL-32E", "duration_s": 33.1, "rotations": 332,
+    "rotations_complete": 330, "rotation_rate_hz": 10.006, "gaps": 2, "packets_missing": 17,
+    "remarks": ["azimuth step <odd>"],
+    "ledger": {
+        "file_bytes": 1234567, "framing": "records of 1248 bytes",
+        "data": {"packets": 989, "bytes": 1}, "framing_bytes": 2,
+        "position": {"packets": 3, "bytes": 4},
+        "rejected": {"cut short": {"packets": 1, "bytes": 77}}, "unaccounted_bytes": 0,
+    },
+}  # fmt: skip
+
+SURVEY = {
+    "position": "P5", "scanner": "HDL-32E",
+    "pose": {
+        "covariance_rad_m": np.diag([1e-6, 4e-6, 9e-6, 1e-8, 4e-8, 9e-8]).tolist(),
+        "targets": ["B1", "B2", "B3"], "variance_factor": 1.234, "redundancy": 3,
+    },
+    "planes": [
+        {
+            "name": "short_wall", "targets": 110, "flatness_mean_m": 0.00076,
+            "flatness_max_m": 0.00244, "variance_factor": None,
+        }
+    ],
+}  # fmt: skip
+
+
+def columns_of_set():
+    dl = FACTORY.dl + 0.0123
+    zero = np.zeros(32)
+    return {
+        "laser_id": np.arange(32), "dl_m": dl, "alpha_rad": FACTORY.alpha, "v_rad": FACTORY.v,
+        "voff_m": zero, "hoff_m": zero, "dl_std_m": zero + 0.0004, "v_std_rad": zero + np.nan,
+    }  # fmt: skip
+
+
+def agreement():
+    rebuilt = pd.concat(
+        [
+            tables.formatted(tables.build(n, entry, SUMMARY, simulated=True).frame)
+            for n, entry in TABLES.items()
+        ]
+    )
+    return published.agreement(SUMMARY, rebuilt)
+
+
+FULL = report.Study(
+    title="Study of <two> scanners & more",
+    simulated=True,
+    ledgers={"sa5": LEDGER},
+    tables=TABLES,
+    summary=SUMMARY,
+    agreement=agreement(),
+    figures=[
+        report.Figure(
+            "16",
+            {"kind": "std", "scanner": "HDL-32E", "samples": ["sa5"], "data": "calibration"},
+            pd.DataFrame({"calibration": ["before", "after"], "parameters": ["factory", "set1"]}),
+            PNG,
+        )
+    ],
+    surveys=[SURVEY],
+    sets={"HDL-32E": {"set1": columns_of_set()}},
+    factories={"HDL-32E": FACTORY},
+    field_table=pd.DataFrame({"sample": ["street"], "std_cm": [0.61234567]}),
+    field_pictures={"street": PNG},
+)
+PAGE = report.render(FULL)
+
+
+class Elements(HTMLParser):
+    """Collects elements, and checks that they are closed in order."""
+
+    VOID = ("meta", "link", "img", "br")
+
+    def __init__(self, page):
+        super().__init__()
+        self.stack, self.found = [], []
+        self.feed(page)
+        assert not self.stack
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.stack.pop() == tag
+
+
+def text_of(page):
+    page = re.sub(r"(?s)<style>.*?</style>|src=\"data:[^\"]*\"|<[^>]+>", " ", page)
+    return re.sub(r"\s+", " ", page)
+
+
+def test_identical_bytes():
+    assert report.render(FULL) == PAGE
+
+
+def test_needs_no_network_and_no_script():
+    for tag, attributes in Elements(PAGE).found:
+        assert tag not in ("script", "iframe", "object", "base")
+        for name in ("src", "href"):
+            assert attributes.get(name, "#").startswith(("#", "data:"))
+    assert not re.search(r"https?://|url\(|@import", PAGE)
+
+
+def test_links_lead_somewhere():
+    found = Elements(PAGE).found
+    ids = {attributes["id"] for _, attributes in found if "id" in attributes}
+    links = {a["href"] for tag, a in found if tag == "a"}
+    assert {f"#{name}" for name in ids} >= links
+    assert len(links) == 9
+
+
+def test_simulated_studies_say_so_first():
+    text = text_of(PAGE)
+    assert text.index("The recordings of this study are simulated.") < text.index("Overview")
+    assert "no evidence" in text
+
+
+def test_other_studies_do_not():
+    page = report.render(replace(FULL, simulated=False))
+    assert "imulat" not in text_of(page)
+    Elements(page)
+
+
+def test_every_printed_cell_occurs_with_its_verdict():
+    text = text_of(PAGE)
+    for row in FULL.agreement.to_dict(orient="records"):
+        dagger = " †" if row["item"] in published.CONTRADICTIONS else ""
+        assert f"{row['item']}{dagger} " in text
+    count = (FULL.agreement["within"] == "true").sum()
+    assert PAGE.count(">yes</td>") == count
+    assert f"All {len(FULL.agreement)} cells" in text
+    for reason in published.CONTRADICTIONS.values():
+        assert reason in text
+    items = FULL.agreement["item"]
+    std = FULL.agreement[items.str.endswith("std_cm")]
+    assert f"{(std['within'] == 'true').sum()} of {len(std)}" in text
+
+
+def test_contradictory_cells_are_marked_beside_our_numbers():
+    assert re.search(r"67\.4<sup>†</sup>", PAGE)
+    assert re.search(r"3\.4<sup>†</sup>", PAGE)
+
+
+def test_printed_labels_are_shown_where_they_differ():
+    assert "sa5 (printed: sc3)" in text_of(PAGE)
+    assert "sa5 (printed: sa6)" in text_of(PAGE)
+
+
+def test_text_is_escaped():
+    assert "Study of &lt;two&gt; scanners &amp; more" in PAGE
+    assert "azimuth step &lt;odd&gt;" in PAGE
+
+
+def test_ledger_survey_sets_and_field():
+    text = text_of(PAGE)
+    assert "cut short: 1 packets, 77 bytes" in text
+    assert "1\u202f234\u202f567" in PAGE
+    assert "0.057, 0.115, 0.172" in text
+    assert "0.10, 0.20, 0.30" in text
+    assert "short wall 110 0.76 2.44 –" in text
+    assert "1 1.230 0.040 0.0000 –" in text
+    assert "street 0.61235" in text
+
+
+def test_verdicts_read_from_a_file_are_understood():
+    read = FULL.agreement.assign(within=FULL.agreement["within"] == "true")
+    assert report.render(replace(FULL, agreement=read)) == PAGE
+
+
+def test_without_comparison_there_is_nothing_of_the_paper():
+    page = report.render(replace(FULL, agreement=None, simulated=False))
+    assert "paper" not in text_of(page).replace("as in the paper", "")
+    assert 'id="agreement"' not in page
+    Elements(page)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_study_of_ledgers_alone(simulated):
+    page = report.render(report.Study("Two recordings", simulated, ledgers={"x": LEDGER}))
+    ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
+    assert ids == ["ledger", "versions"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.005, "1.00"), (-0.001, "0.00"), (-2.5, "−2.50"), (None, "–"), (float("nan"), "–")],
+)
+def test_fixed(value, text):
+    assert report.fixed(value, 2) == text
+
+
+def test_script_reads_what_is_there(tmp_path):
+    storage.write_json(tmp_path / "recordings/sa5/ledger.json", LEDGER)
+    storage.write_csv(tmp_path / "summary.csv", SUMMARY)
+    storage.write_csv(tmp_path / "agreement.csv", FULL.agreement)
+    storage.write_json(tmp_path / "P5.json", SURVEY)
+    drawn = tmp_path / "figure_16.png"
+    drawn.write_bytes(PNG)
+    storage.write_csv(drawn.with_suffix(".csv"), FULL.figures[0].numbers)
+    of_set = tmp_path / "HDL-32E/set1.csv"
+    calibration_table.write(of_set, FACTORY, {"dl": np.full(32, 0.001)})
+    files = {
+        "ledgers": [tmp_path / "recordings/sa5/ledger.json"],
+        "summary": [tmp_path / "summary.csv"],
+        "agreement": [tmp_path / "agreement.csv"],
+        "surveys": [tmp_path / "P5.json"],
+        "figures": [drawn, drawn.with_suffix(".csv")],
+        "sets": [of_set],
+        "field": [],
+    }
+    common = {"title": "t", "simulated": True, "tables": TABLES}
+    common |= {"figures": {"16": FULL.figures[0].selection}, "factories": {"HDL-32E": "nominal"}}
+    main(files, tmp_path / "report.html", **common)
+    page = (tmp_path / "report.html").read_text()
+    ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
+    assert ids == [
+        "overview", "tables", "agreement", "figures", "survey", "sets", "ledger", "versions",
+    ]  # fmt: skip
+    assert str(tmp_path) not in page

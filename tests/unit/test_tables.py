@@ -1,0 +1,141 @@
+"""Tables of windows before and after, and the choice of the best parameter set."""
+
+import csv
+import io
+
+import pytest
+from make_table import main
+from results_helpers import STD_CM, TABLES, statistics
+
+from velocal import storage, tables
+from velocal.errors import ConfigError, VelocalError
+from velocal.validation import best_set, mean_std_of_sets
+
+LASERS, SUMMARY = statistics()
+COLUMNS = {name: SUMMARY[name].to_numpy() for name in SUMMARY}
+
+
+def build(number="4", summary=SUMMARY, *, simulated=True, **changes):
+    return tables.build(number, TABLES[number] | changes, summary, simulated=simulated)
+
+
+def test_best_set_has_the_least_mean():
+    assert best_set(COLUMNS, "HDL-64E", ["sa1", "sa2"]) == "set2"
+    means = mean_std_of_sets(COLUMNS, "HDL-64E", ["sa1", "sa2"])
+    assert list(means) == ["set1", "set2", "set3"]
+    assert means == pytest.approx({name: STD_CM[name] for name in means}, rel=0.05)
+
+
+def test_best_set_depends_on_the_samples_asked_for():
+    summary = SUMMARY.copy()
+    own = (summary["sample"] == "sa4") & (summary["calibration"] == "set3")
+    summary.loc[own, "std_cm"] = 0.1
+    columns = {name: summary[name].to_numpy() for name in summary}
+    assert best_set(columns, "HDL-64E", ["sa4"]) == "set3"
+    assert best_set(columns, "HDL-64E", ["sa1"]) == "set2"
+
+
+def test_first_of_equal_sets():
+    assert best_set(COLUMNS | {"std_cm": COLUMNS["std_cm"] * 0}, "HDL-64E", ["sa1"]) == "set1"
+
+
+def test_a_set_without_residuals_is_never_the_best():
+    summary = SUMMARY.copy()
+    summary.loc[summary["calibration"] == "set2", "std_cm"] = float("nan")
+    columns = {name: summary[name].to_numpy() for name in summary}
+    assert best_set(columns, "HDL-64E", ["sa1"]) == "set3"
+    with pytest.raises(VelocalError, match="without residuals"):
+        best_set(COLUMNS | {"std_cm": COLUMNS["std_cm"] * float("nan")}, "HDL-64E", ["sa1"])
+
+
+def test_sets_must_share_their_windows():
+    summary = SUMMARY.drop(SUMMARY.index[SUMMARY["calibration"] == "set3"][0])
+    with pytest.raises(VelocalError, match="windows per set"):
+        best_set({name: summary[name].to_numpy() for name in summary}, "HDL-64E", ["sa1"])
+    with pytest.raises(VelocalError, match="no parameter set"):
+        best_set(COLUMNS, "VLP-16", ["sa1"])
+
+
+def test_rows_before_then_after_by_sample_and_window():
+    frame = build().frame
+    assert list(frame) == list(tables.COLUMNS)
+    keys = frame[["calibration", "sample", "window"]].to_numpy().tolist()
+    assert keys == [
+        [calibration, sample, window]
+        for calibration in ("before", "after")
+        for sample in ("sa1", "sa2", "sa3", "sa4")
+        for window in ("beginning", "middle", "end")
+    ]
+    assert set(frame["table"]) == {"IV"}
+
+
+@pytest.mark.parametrize(("number", "after"), [("2", "after"), ("4", "set2"), ("5", "set1")])
+def test_numbers_are_those_of_the_summary(number, after):
+    table = build(number)
+    keys = ["scanner", "sample", "window", "calibration"]
+    of_data = SUMMARY[SUMMARY["data"] == TABLES[number]["data"]].set_index(keys)
+    for row in table.frame.to_dict(orient="records"):
+        shown = "before" if row["calibration"] == "before" else after
+        same = of_data.loc[(row["scanner"], row["sample"], row["window"], shown)]
+        for name in tables.DECIMALS:
+            assert row[name] == same[name]
+    assert any(after in note or "adjusted" in note for note in table.notes)
+
+
+def test_notes_name_the_set_and_how_it_was_chosen():
+    note = build("4").notes[0]
+    assert "set2" in note
+    assert "chosen on the validation data" in note
+    assert "the only one" in build("5").notes[0]
+
+
+def test_only_simulated_studies_say_so():
+    for number in TABLES:
+        for write in (tables.to_markdown, tables.to_latex):
+            assert "simulated" in write(build(number))
+            assert "imulated" not in write(build(number, simulated=False))
+
+
+def test_markdown_and_latex_hold_every_number():
+    table = build("3")
+    for text in (tables.to_markdown(table), tables.to_latex(table)):
+        for row in tables.formatted(table.frame)[list(tables.DECIMALS)].to_numpy().tolist():
+            assert all(cell in text for cell in row)
+    latex = tables.to_latex(build("3", samples=["sa5"], scanner="HDL-32E"))
+    assert r"\toprule" in latex
+    assert latex.count(r"\midrule") == 2
+
+
+def test_special_characters_in_names():
+    summary = SUMMARY.replace({"sample": {"sa5": "hall_1|b"}})
+    table = build("3", summary, samples=["hall_1|b"])
+    assert r"hall_1\|b |" in tables.to_markdown(table)
+    assert r"hall\_1|b &" in tables.to_latex(table)
+
+
+def test_names_that_look_like_numbers():
+    summary = SUMMARY.assign(sample=SUMMARY["sample"].str[2:].astype(int))
+    assert set(build("4", summary, samples=["1", "2"]).frame["sample"]) == {"1", "2"}
+
+
+def test_errors_name_what_is_missing():
+    with pytest.raises(ConfigError, match=r"no table '9'.*2, 3, 4, 5"):
+        tables.build("9", TABLES["2"], SUMMARY, simulated=False)
+    with pytest.raises(VelocalError, match=r"tables\.2.*sample 'sa9'.*sa1, sa2, sa3, sa4"):
+        build("2", samples=["sa9"])
+
+
+def test_script_writes_rounded_csv(tmp_path):
+    storage.write_csv(tmp_path / "summary.csv", SUMMARY)
+    paths = [tmp_path / f"table.{suffix}" for suffix in ("csv", "md", "tex")]
+    arguments = {"number": "2", "selection": TABLES["2"], "simulated": True}
+    main(tmp_path / "summary.csv", *paths, **arguments)
+    rows = list(csv.DictReader(io.StringIO(paths[0].read_text())))
+    assert len(rows) == 12
+    assert list(rows[0]) == list(tables.COLUMNS)
+    for row in rows:
+        assert len(row["std_cm"].split(".")[1]) == 2
+        assert len(row["within_1sigma_pct"].split(".")[1]) == 1
+    first = [path.read_bytes() for path in paths]
+    main(tmp_path / "summary.csv", *paths, **arguments)
+    assert [path.read_bytes() for path in paths] == first

@@ -1,0 +1,43 @@
+"""Real Snakemake runs in a temporary copy of the project: the checkout's results stay untouched."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: What a run needs, relative to the checkout.
+PARTS = ("Snakefile", "environment.yml", "config", "profiles", "scripts", "src", "workflow")
+
+
+def copy_project(folder: Path) -> Path:
+    """Copy what a run needs into a folder, which is made; the library too, so it can be edited."""
+    folder.mkdir(parents=True, exist_ok=True)
+    ignored = shutil.ignore_patterns("__pycache__", ".*", "*.part")
+    for name in PARTS:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=ignored, dirs_exist_ok=True)
+        else:
+            shutil.copy(source, folder / name)
+    return folder
+
+
+def snakemake(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Snakemake in a copy of the project, with the library of that copy."""
+    paths = [str(folder / "src"), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        "XDG_CACHE_HOME": str(folder / ".cache"),
+    }
+    return subprocess.run(
+        [sys.executable, "-m", "snakemake", *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=1200,
+    )

@@ -1,0 +1,175 @@
+"""A tiny study really runs; a second run is idle; what changed, and only that, runs again."""
+
+import hashlib
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from workflow.running import copy_project, snakemake
+from workflow.tiny import NEW_ROW, make_tiny
+
+pytestmark = pytest.mark.workflow
+
+
+def run(folder: Path, cores: int) -> Path:
+    make_tiny(folder)
+    done = snakemake(folder, "--cores", str(cores))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    return run(copy_project(tmp_path_factory.mktemp("two") / "project"), 2)
+
+
+def planned(folder: Path, *arguments: str) -> list[tuple[str, str]]:
+    """Rule and wildcards of every job of a dry run."""
+    done = snakemake(folder, "--dry-run", "--cores", "2", *arguments)
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = re.findall(
+        r"^(?:local)?rule (\w+):\n(?:    (?!wildcards).*\n)*(?:    wildcards: (.*)\n)?",
+        done.stdout + done.stderr,
+        flags=re.MULTILINE,
+    )
+    return sorted(set(jobs) - {("default", ""), ("all", "")})
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted((folder / "results").rglob("*"))
+        if path.is_file() and "logs" not in path.parts and ".snakemake" not in path.parts
+    }
+
+
+@pytest.fixture
+def edited(finished):
+    """The finished project, with every file that a test writes to put back afterwards."""
+    kept: dict[Path, bytes] = {}
+
+    def append(name: str, text: str) -> Path:
+        path = finished / name
+        kept.setdefault(path, path.read_bytes())
+        with path.open("a") as file:
+            file.write(text)
+        return finished
+
+    yield append
+    for path, content in kept.items():
+        path.write_bytes(content)
+
+
+def test_results_are_there(finished):
+    results = finished / "results"
+    for name in (
+        "report.html",
+        "tables/table_2.tex",
+        "tables/table_5.md",
+        "figures/figure_13.svg",
+        "figures/figure_24.png",
+        "figures/figure_18.csv",
+        "parameter_sets/HDL-64E/set1.xml",
+        "parameter_sets/HDL-32E/set1.yaml",
+        "simulation/truth/HDL-64E.csv",
+    ):
+        assert (results / name).stat().st_size > 0
+    summary = pd.read_csv(results / "statistics/summary.csv")
+    assert len(summary) == 2 * 3 * 4
+    assert summary["std_cm"].notna().all()
+    pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("calibration")
+    assert pair["std_cm"].mean()["after"] < 0.6 * pair["std_cm"].mean()["before"]
+
+
+def test_second_run_is_idle(finished):
+    done = snakemake(finished, "--cores", "2")
+    assert done.returncode == 0
+    assert "Nothing to be done" in done.stdout + done.stderr
+
+
+def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
+    edited("src/velocal/figures.py", "\n# edited\n")
+    assert {rule for rule, _ in planned(finished)} == {"draw_figure", "write_report"}
+
+
+def test_an_edited_module_in_the_middle(finished, edited):
+    edited("src/velocal/averaging.py", "\n# edited\n")
+    rules = {rule for rule, _ in planned(finished)}
+    assert "average_set" in rules
+    assert "residuals_validation" in rules
+    assert not rules & {"decode_returns", "reduce_medians", "adjust_lasers", "simulate_recording"}
+
+
+def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
+    edited("config/samples.tsv", NEW_ROW)
+    jobs = planned(finished)
+    assert {re.search(r"sample=(\w+)", w)[1] for _, w in jobs if "sample=" in w} == {"sa6"}
+    assert {w for rule, w in jobs if rule == "adjust_survey"} == {"position=P6"}
+    of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
+    # Summaries, and what is made of them: the new sample belongs to no set.
+    assert of_all <= {"summarise_statistics", "make_table", "draw_figure", "write_report"}
+
+
+def test_one_core_gives_the_same_bytes(finished, tmp_path):
+    other = run(copy_project(tmp_path / "project"), 1)
+    here, there = digests(finished), digests(other)
+    assert set(here) == set(there)
+    assert [name for name in here if here[name] != there[name]] == []
+
+
+def test_root_and_workflow_plan_the_same(tmp_path):
+    folder = copy_project(tmp_path / "project")
+    make_tiny(folder)
+    jobs = planned(folder)
+    assert jobs == planned(folder, "--snakefile", "workflow/Snakefile")
+    assert len(jobs) > 50
+
+
+def test_nothing_downstream_sees_the_truth(tmp_path):
+    folder = copy_project(tmp_path / "project")
+    make_tiny(folder)
+    done = snakemake(folder, "--dry-run", "--cores", "2")
+    text = done.stdout + done.stderr
+    blocks = re.findall(r"^(?:local)?rule (\w+):\n    input: (.*)$", text, flags=re.MULTILINE)
+    assert {rule for rule, inputs in blocks if "/truth/" in inputs} <= {"all", "default"}
+    seen = {rule for rule, inputs in blocks if "world.yaml" in inputs}
+    assert seen == {"simulate_recording", "simulate_factory", "simulate_survey"}
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("config/config.yaml", "colour: red\n", "unknown key 'colour'"),
+        ("config/samples.tsv", NEW_ROW.replace("sa6", "../../evil"), "is not a name"),
+        ("config/samples.tsv", NEW_ROW.replace("sa6", "sa5"), "occurs twice"),
+        ("config/samples.tsv", "sa7\tHDL-32E\tP6\tgone.pcap\tnominal\n", "sa7"),
+        ("config/world.yaml", "gravity: 9.81\n", "unknown key 'gravity'"),
+    ],
+)
+def test_faults_end_in_one_message(finished, edited, file, text, message):
+    edited(file, text)
+    before = digests(finished)
+    done = snakemake(finished, "--cores", "2")
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert message in said
+    assert "Hint:" in said or "allowed:" in said
+    assert "Traceback" not in said
+    assert digests(finished) == before
+
+
+def test_a_scanner_that_is_not_what_is_said(finished, edited):
+    """The fault shows inside a job: its message, no traceback, and nothing half-written."""
+    row = NEW_ROW.replace("results/simulation/recordings/sa6.bin", "captures/vlp.bin")
+    (finished / "captures").mkdir(exist_ok=True)
+    source = finished / "results/simulation/recordings/sa3.bin"
+    (finished / "captures/vlp.bin").write_bytes(source.read_bytes()[: 1248 * 2000])
+    edited("config/samples.tsv", row)
+    done = snakemake(finished, "--cores", "1", "results/recordings/sa6/ledger.json")
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert "is said to come from HDL-32E" in said
+    assert "Hint: Correct the scanner" in said
+    assert "Traceback" not in said
+    assert not (finished / "results/recordings/sa6/ledger.json").exists()

@@ -1,0 +1,39 @@
+"""A tiny study: one sample of each scanner, windows of four rotations, in a copy of the project."""
+
+from pathlib import Path
+
+import yaml
+
+SHEET = """\
+sample	scanner	position	recording	calibration
+sa3	HDL-64E	P2	results/simulation/recordings/sa3.bin	results/simulation/factory/HDL-64E.xml
+sa5	HDL-32E	P5	results/simulation/recordings/sa5.bin	results/simulation/factory/HDL-32E.xml
+"""
+NEW_ROW = """\
+sa6	HDL-32E	P6	results/simulation/recordings/sa6.bin	results/simulation/factory/HDL-32E.xml
+"""
+
+
+def make_tiny(folder: Path) -> None:
+    """Turn the configuration of a copied project into that of a tiny study."""
+    path = folder / "config/config.yaml"
+    config = yaml.safe_load(path.read_text())
+    config["simulation"]["rotations"] = 12
+    config["windows"]["rotations"] = 4
+    config["reduction"]["min_count"] = 1
+    config["parameter_sets"] = {"HDL-64E": {"set1": ["sa3"]}, "HDL-32E": {"set1": ["sa5"]}}
+    config["compare_with_paper"] = False
+    config["tables"] = {
+        "2": {"scanner": "HDL-64E", "samples": ["sa3"], "data": "calibration"},
+        "5": {"scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
+    }
+    config["figures"] = {
+        "13": {"kind": "std", "scanner": "HDL-64E", "samples": ["sa3"], "data": "calibration"},
+        "18": {
+            "kind": "histogram", "scanner": "HDL-64E", "samples": ["sa3"],
+            "data": "calibration", "laser": 1,
+        },
+        "24": {"kind": "within", "scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
+    }  # fmt: skip
+    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    (folder / "config/samples.tsv").write_text(SHEET)

@@ -44,8 +44,9 @@ _NOTE = (
     "s is the distance along the beam to the plane. std: mean over the lasers of the root mean "
     "square of s about zero; mean_std: of the standard deviation of s about the mean of the "
     "laser, which offsets of the lasers do not enter; pooled_rms: of all s; spread: of single "
-    "returns in an angle cell, where the recording has enough rotations; trimmed: points left "
-    "out as outliers; tilt: 0 for a level plane, 90 for an upright one."
+    "returns in an angle cell, where the recording has enough rotations; it holds the slope of "
+    "the plane within the cell; trimmed: points left out as outliers; tilt: 0 for a level "
+    "plane, 90 for an upright one."
 )
 
 #: Points off the planes that are drawn, at most.
@@ -92,10 +93,10 @@ def field_planes(
         above = figure.add_subplot(grid[0, 1])
         below = figure.add_subplot(grid[1, 1], sharex=above)
         _per_laser(above, lasers, looks, "rms_cm", sigma_cm)
-        above.set_title("s about zero: offsets of the lasers and noise")
+        above.set_title("s about zero")
         above.tick_params(labelbottom=False)
         _per_laser(below, lasers, looks, "std_cm", sigma_cm)
-        below.set_title("s about the laser's own mean: noise")
+        below.set_title("s about the mean of the laser on that plane")
         below.set_xlim(0.2, n_lasers + 0.8)
         step = 4 if n_lasers > 16 else 2
         below.set_xticks([1, *range(step, n_lasers + 1, step)])
@@ -121,14 +122,15 @@ def _plan(
     some = np.flatnonzero(others)[:: 1 + len(xyz) // _POINTS]
     # Points as an image within the SVG: a hundred thousand of them are no drawing.
     ax.plot(xyz[some, 0], xyz[some, 1], ",", color="#A8A8A8", rasterized=True)
-    for name, rows in planes.items():
+    for number, (name, rows) in enumerate(planes.items()):
         ax.plot(
             xyz[rows, 0], xyz[rows, 1], ".", markersize=2.0, markeredgewidth=0.0,
             color=looks[name]["color"], rasterized=True,
         )  # fmt: skip
         centre = xyz[rows, :2].mean(axis=0)
         ax.annotate(
-            name, centre, xytext=(4, 5), textcoords="offset points", fontsize=7.5,
+            name, centre, xytext=(0, 8 if number % 2 else -8), textcoords="offset points",
+            fontsize=7.5, ha="center", va="bottom" if number % 2 else "top",
             color=looks[name]["color"], fontweight="bold",
         )  # fmt: skip
     ax.plot(0.0, 0.0, "+", color="black", markersize=9, markeredgewidth=1.2)

@@ -251,6 +251,11 @@ def _check_references(study: Study, where: str) -> None:
                 where=where,
                 hint="The base targets of a position belong to one scanner: name another.",
             )
+    for sample in config.get("field", {}).get("patches", {}):
+        if sample not in study.field:
+            raise ConfigError(
+                f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
+            )
     if not study.surveyed:
         return
     for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):

@@ -4,7 +4,7 @@ from velocal import provenance
 
 
 def files(tmp_path, text):
-    script = tmp_path / "script.py"
+    script = tmp_path / f"script_{len(list(tmp_path.iterdir()))}.py"
     script.write_text(text)
     return {f.relative_to(provenance.PACKAGE).as_posix() for f in provenance.library_files(script)}
 

@@ -143,7 +143,11 @@ def test_nothing_downstream_sees_the_truth(tmp_path):
         ("config/config.yaml", "colour: red\n", "unknown key 'colour'"),
         ("config/samples.tsv", NEW_ROW.replace("sa6", "../../evil"), "is not a name"),
         ("config/samples.tsv", NEW_ROW.replace("sa6", "sa5"), "occurs twice"),
-        ("config/samples.tsv", "sa7\tHDL-32E\tP6\tgone.pcap\tnominal\n", "sa7"),
+        (
+            "config/samples.tsv",
+            NEW_ROW.replace("results/simulation/recordings/sa6.bin", "gone.pcap"),
+            "no file 'gone.pcap'",
+        ),
         ("config/world.yaml", "gravity: 9.81\n", "unknown key 'gravity'"),
     ],
 )

@@ -10,7 +10,7 @@ from velocal.adjustment.lasers import adjust_all
 from velocal.calibration_files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.sensors import scanner_named
-from velocal.station import observations, patches_of
+from velocal.station import observations, patches_of, uncertainty_of
 
 
 def main(
@@ -18,20 +18,23 @@ def main(
     survey: Path,
     calibration: Path | None,
     adjustment: Path,
+    covariance: Path,
     *,
     scanner: str,
     config: Mapping[str, Any],
 ) -> None:
-    """Write corrections, standard deviations and quality per laser as CSV."""
+    """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
+    station = storage.read_json(survey)
     results = adjust_all(
-        observations(columns, patches_of(storage.read_json(survey))),
+        observations(columns, patches_of(station)),
         read_or_nominal(calibration, scanner_named(scanner)),
         config["parameters"],
         settings.solver(config),
-        settings.stochastic(config),
+        settings.stochastic(config, [uncertainty_of(station)]),
     )
     storage.write_csv(adjustment, tabulate.corrections(results))
+    storage.write_csv(covariance, tabulate.covariances(results))
 
 
 if "snakemake" in globals():
@@ -41,6 +44,7 @@ if "snakemake" in globals():
             Path(snakemake.input.survey),
             Path(c) if (c := snakemake.input.calibration) else None,
             Path(snakemake.output.adjustment),
+            Path(snakemake.output.covariance),
             scanner=snakemake.params.scanner,
             config=snakemake.params.adjustment,
         )

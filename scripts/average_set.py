@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from velocal import storage
+from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.tabulate import read_corrections
-from velocal.averaging import average
+from velocal.averaging import average, scatter_table
 from velocal.calibration_files import formats, table
 from velocal.errors import reported
 from velocal.sensors import scanner_named
@@ -18,9 +17,11 @@ def main(
     csv: Path,
     yaml: Path,
     xml: Path,
+    scatter: Path,
     *,
     scanner: str,
     windows: int,
+    weights: str,
 ) -> None:
     """Write the set as CSV with standard deviations, ROS YAML and the vendor's XML.
 
@@ -28,12 +29,15 @@ def main(
     """
     parts = [read_corrections(storage.read_csv(path)) for path in adjustments]
     samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
-    mean, std = average(samples)
+    means = {kind: average(samples, kind) for kind in ("equal", "covariance")}
+    chosen = means[weights]
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
-    parameters = factory.corrected(mean)
-    table.write(csv, parameters, {name: np.asarray(value) for name, value in std.items()})
+    parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
+    table.write(csv, parameters, {name: each.std for name, each in chosen.items()})
     formats.write(yaml, parameters)
     formats.write(xml, parameters)
+    columns = scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS)
+    storage.write_csv(scatter, columns)
 
 
 if "snakemake" in globals():
@@ -44,6 +48,8 @@ if "snakemake" in globals():
             Path(snakemake.output.csv),
             Path(snakemake.output.yaml),
             Path(snakemake.output.xml),
+            Path(snakemake.output.scatter),
             scanner=snakemake.wildcards.scanner,
             windows=snakemake.params.windows,
+            weights=snakemake.params.weights,
         )

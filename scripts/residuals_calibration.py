@@ -30,7 +30,7 @@ def main(
     columns, facts = storage.read_table(assigned, schemas.ASSIGNED)
     data = observations(columns, patches_of(storage.read_json(survey)))
     factory = read_or_nominal(calibration, known)
-    adjusted = factory.corrected(read_corrections(storage.read_csv(adjustment))[0])
+    adjusted = factory.corrected(read_corrections(storage.read_csv(adjustment)).value)
     s = {"before": data.misclosure(factory), "after": data.misclosure(adjusted)}
     xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}

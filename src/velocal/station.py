@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.lasers import Observations
+from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.planes import Patch, Plane, PlaneFit, fit_plane, hull_patch
 from velocal.rigid import RigidAdjustment, adjust_rigid
 from velocal.survey import Targets, common
@@ -115,15 +116,26 @@ def patches_of(content: Mapping[str, Any]) -> list[Patch]:
     ]
 
 
+def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:
+    """How sure pose and planes are, out of what `as_dict` gave."""
+    pose = content["pose"]
+    return SurveyUncertainty(
+        np.array(pose["translation_m"]),
+        np.array(pose["covariance_rad_m"]),
+        np.array([plane["covariance"] for plane in content["planes"]]),
+    )
+
+
 def observations(columns: Mapping[str, NDArray[Any]], patches: Sequence[Patch]) -> Observations:
     """Observations of assigned returns: columns of `schemas.ASSIGNED` with their planes."""
     normals = np.stack([patch.plane.normal for patch in patches])
     offsets = np.array([patch.plane.offset for patch in patches])
-    plane = columns["plane"]
+    plane = columns["plane"].astype(np.int64)
     return Observations(
         columns["distance_m"],
         columns["phi_rad"],
         columns["laser_id"],
         normals[plane],
         offsets[plane],
+        plane,
     )

@@ -7,9 +7,10 @@ import numpy as np
 import yaml
 
 from velocal import schemas, storage
-from velocal.adjustment.lasers import Observations, Stochastic, adjust_all
+from velocal.adjustment.lasers import Observations, adjust_all
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
+from velocal.adjustment.stochastic import Stochastic
 from velocal.assignment import Gates
 from velocal.medians import cell_medians
 from velocal.parameters import ParameterSet

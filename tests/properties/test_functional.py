@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from velocal.adjustment.functional import beta, design, misclosure, paper_form
+from velocal.adjustment.functional import design, misclosure
+from velocal.adjustment.paper_form import beta, paper_form
 from velocal.beam_model import points
 from velocal.parameters import PARAMETERS, ParameterSet
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from velocal.adjustment import settings, tabulate
-from velocal.adjustment.lasers import Observations, Stochastic, adjust_all, adjust_laser
-from velocal.adjustment.solvers import PaperModel
+from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser
+from velocal.adjustment.solvers import PaperLiteral, PaperModel, System, WithPrior
+from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import ConfigError
 from velocal.parameters import PARAMETERS, ParameterSet
 
@@ -13,11 +14,10 @@ RNG = np.random.default_rng(1)
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}
 
 
-def literal(a, w, prior_std):
-    """The paper's n x n form: N = A P^-1 A', k = -N^+ w, delta = P^-1 A' k."""
-    p_inverse = np.diag(prior_std**2)
-    n = a @ p_inverse @ a.T
-    return p_inverse @ a.T @ (-np.linalg.pinv(n, rcond=1e-11, hermitian=True) @ w)
+def system(a, w, prior, noise=1.0):
+    return System(
+        a, w, np.full(len(w), noise), np.asarray(prior, dtype=float), np.zeros(len(prior))
+    )
 
 
 @pytest.mark.parametrize("n", [10, 100, 400])
@@ -27,9 +27,22 @@ def test_fast_form_is_the_literal_form(n, deficient):
     if deficient:
         a[:, 2] = 2.0 * a[:, 0] - a[:, 1]
     w, prior = RNG.normal(size=n), np.array([1.0, 0.5, 2.0])
-    step = PaperModel(truncate_at=None).step(a, w, prior, 0.0, 2 if deficient else None)
-    np.testing.assert_allclose(step.delta, literal(a, w, prior), rtol=1e-10, atol=1e-12)
-    assert step.rank == (2 if deficient else 3)
+    fast = PaperModel(truncate_at=None).step(system(a, w, prior))
+    # The paper's n x n form, written out once more.
+    p_inverse = np.diag(prior**2)
+    n_matrix = a @ p_inverse @ a.T
+    expected = p_inverse @ a.T @ (-np.linalg.pinv(n_matrix, rcond=1e-12, hermitian=True) @ w)
+    np.testing.assert_allclose(fast.delta, expected, rtol=1e-10, atol=1e-12)
+    literal = PaperLiteral().step(system(a, w, prior))
+    np.testing.assert_allclose(fast.delta, literal.delta, rtol=1e-10, atol=1e-12)
+    assert fast.rank == literal.rank == (2 if deficient else 3)
+    if deficient:
+        # Least P-norm: any other least-squares solution is longer in units of the prior.
+        null = np.array([2.0, -1.0, -1.0])
+        for t in (-0.1, 0.1):
+            other = fast.delta + t * null
+            assert np.allclose(a @ other, a @ fast.delta)
+            assert np.linalg.norm(other / prior) > np.linalg.norm(fast.delta / prior)
 
 
 def test_full_rank_is_least_squares_whatever_the_prior():
@@ -37,14 +50,14 @@ def test_full_rank_is_least_squares_whatever_the_prior():
     expected = -np.linalg.lstsq(a, w)[0]
     for _ in range(20):
         prior = RNG.uniform(0.01, 100.0, 3)
-        step = PaperModel(truncate_at=None).step(a, w, prior, 0.0, None)
+        step = PaperModel(truncate_at=None).step(system(a, w, prior))
         np.testing.assert_allclose(step.delta, expected, rtol=1e-9)
 
 
 def test_truncation_holds_what_the_prior_knows_better():
     a = np.column_stack([np.ones(100), np.linspace(-1e-3, 1e-3, 100)])
     w = RNG.normal(0.0, 1.0, 100)
-    step = PaperModel(truncate_at=1.0).step(a, w, np.array([1.0, 1.0]), 1.0, None)
+    step = PaperModel(truncate_at=1.0).step(system(a, w, [1.0, 1.0]))
     assert step.rank == 1
     np.testing.assert_allclose(np.diag(step.estimable), [1.0, 0.0], atol=1e-12)
     assert abs(step.delta[1]) < 1e-12
@@ -71,7 +84,8 @@ def test_known_parameters_return_and_voff_is_held():
     assert found.converged
     assert found.held == ("voff",)
     np.testing.assert_allclose(found.corrections, [0.03, -0.004, 0.0], atol=1e-9)
-    assert np.isnan(found.std[2])
+    np.testing.assert_allclose(found.std[2], PRIOR["voff"])
+    assert found.open_combinations == ("voff",)
     assert "held at the initial value: voff" in found.message
 
 
@@ -93,19 +107,26 @@ def test_table_of_corrections_reads_back():
     data, true = walls()
     results = adjust_all(data, true, ("dl", "v"), PaperModel(), Stochastic(0.02, PRIOR))
     columns = tabulate.corrections(results)
-    value, std, observed = tabulate.read_corrections(
-        {name: np.asarray(column) for name, column in columns.items()}
-    )
-    assert list(value) == list(std) == ["dl", "v"]
-    assert observed.all()
-    assert value["dl"][0] == results[0].corrections[0]
+    back = tabulate.read_corrections({name: np.asarray(column) for name, column in columns.items()})
+    assert list(back.value) == list(back.std) == list(back.noise_std) == ["dl", "v"]
+    assert back.observed.all()
+    assert back.value["dl"][0] == results[0].corrections[0]
+
+
+def test_table_of_covariances_sums_its_sources():
+    data, true = walls()
+    results = adjust_all(data, true, ("dl", "alpha"), WithPrior(), Stochastic(0.02, PRIOR))
+    table = tabulate.covariances(results)
+    total = sum(np.array(table[source]) for source in results[0].parts)
+    np.testing.assert_allclose(total, table["covariance"])
+    assert table["correlation"][0] == pytest.approx(1.0)
 
 
 def test_settings():
     config = {"method": "paper", "truncate_at": None, "noise_cm": 2, "prior": {"v_deg": 90}}
     assert settings.solver(config) == PaperModel(None)
     assert settings.stochastic(config) == Stochastic(0.02, {"v": np.pi / 2})
-    with pytest.raises(ConfigError, match="allowed: paper"):
+    with pytest.raises(ConfigError, match="allowed: prior, paper"):
         settings.solver({"method": "magic"})
 
 

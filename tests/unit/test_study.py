@@ -47,7 +47,7 @@ def changed(config, path, value):
         (("windows", "rotation"), 3, r"unknown key 'windows.rotation' \(allowed: rotations\)"),
         (("windows", "rotations"), 0, "windows.rotations"),
         (("windows", "rotations"), "ten", "windows.rotations"),
-        (("adjustment", "method"), "magic", r"'magic' \(allowed: paper\)"),
+        (("adjustment", "method"), "magic", r"'magic' \(allowed: prior, paper"),
         (("adjustment", "parameters"), ["dl", "beta"], "beta"),
         (("results",), "../elsewhere", "results"),
         (("parameter_sets", "HDL-64E", "set1"), ["sa5"], "no sample 'sa5' of that scanner"),

@@ -4,7 +4,10 @@
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
 #                                                          rank and what is held, per laser
+#       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv, ROS yaml and vendor's db.xml
+#       {results}/parameter_sets/{scanner}/{set}.scatter.csv   means, plain and weighted; scatter of
+#                                                          the samples against what is stated
 
 
 rule assign_medians:
@@ -33,6 +36,7 @@ rule adjust_lasers:
         calibration=calibration_file,
     output:
         adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
+        covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
     log:
         f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
     conda:
@@ -56,12 +60,14 @@ rule average_set:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
+        scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
     conda:
         "../../environment.yml"
     params:
         windows=len(WINDOWS),
+        weights=config.get("adjustment", {}).get("average", "equal"),
         library=library("average_set"),
     script:
         "../../scripts/average_set.py"

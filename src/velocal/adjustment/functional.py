@@ -2,7 +2,7 @@
 
 The plane is ``n . X + d = 0`` with a unit normal, so that any plane is served: walls, floor,
 tilted ones. The paper's form with the angle beta of its Table I, which holds for vertical
-planes only, stands beside it in `paper_form`.
+planes only, stands beside it in `velocal.adjustment.paper_form`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.beam_model import laser_beams
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.parameters import PARAMETERS, UNITS, ParameterSet
 
 Array = NDArray[np.float64]
+
+#: What can be adjusted: the scanner's parameters, and a range scale per laser, which multiplies
+#: the raw distance and which no driver's file can hold.
+ADJUSTABLE = (*PARAMETERS, "scale")
+#: Unit of each.
+ADJUSTABLE_UNITS = {**UNITS, "scale": "1"}
 
 
 def misclosure(
@@ -64,8 +70,9 @@ def design(
     -------
     s : ndarray, shape (n,)
         Metres.
-    matrix : ndarray, shape (n, 5)
-        ds by dl, alpha, v, voff, hoff, in the order of `parameters.PARAMETERS`.
+    matrix : ndarray, shape (n, 6)
+        ds by dl, alpha, v, voff, hoff and range scale, in the order of `ADJUSTABLE`; the
+        derivative by the rotational angle phi is minus that by alpha, that by the raw distance 1.
 
     Notes
     -----
@@ -74,6 +81,7 @@ def design(
 
         ds/d(dl) = 1                      ds/d(alpha) = -((L - s) n.u_phi + hoff n.e) / G
         ds/dv = (L - s) n.u_v / G         ds/d(voff) = n_z / G      ds/d(hoff) = n.q / G
+        ds/d(scale) = l
     """
     theta = phi - parameters.alpha[laser_id]
     v, hoff = parameters.v[laser_id], parameters.hoff[laser_id]
@@ -82,57 +90,17 @@ def design(
     across = -normal[:, 0] * cosine + normal[:, 1] * sine  # n.q
     sine_v, cosine_v = np.sin(v), np.cos(v)
     g = cosine_v * along + sine_v * normal[:, 2]
+    length = distance_m + parameters.dl[laser_id]
+    # As `misclosure`, with n.o out of the products that the derivatives need anyway.
+    n_o = hoff * across + parameters.voff[laser_id] * normal[:, 2]
+    s = length + (n_o + offset) / g
+    to_plane = length - s
     # u_phi is -q cos v: the derivative of the direction by the rotational angle.
-    s = misclosure(distance_m, phi, laser_id, parameters, normal, offset)
-    to_plane = distance_m + parameters.dl[laser_id] - s
-    matrix = np.empty((len(phi), len(PARAMETERS)))
+    matrix = np.empty((len(phi), len(ADJUSTABLE)))
     matrix[:, 0] = 1.0
     matrix[:, 1] = -(to_plane * -across * cosine_v + hoff * along) / g
     matrix[:, 2] = to_plane * (-sine_v * along + cosine_v * normal[:, 2]) / g
     matrix[:, 3] = normal[:, 2] / g
     matrix[:, 4] = across / g
+    matrix[:, 5] = distance_m
     return s, matrix
-
-
-def beta(phi: Array, alpha: Array, omega: Array) -> Array:
-    """Angle between beam and wall trace after the paper's Table I, radians.
-
-    The printed table uses phi; phi - alpha is meant (see the errata). `omega` is the angle of the
-    wall's trace with the Y axis, in [0, pi).
-    """
-    theta = np.mod(phi - alpha, 2.0 * np.pi)
-    quarter = np.floor(theta / (0.5 * np.pi)).astype(int)
-    flat = omega < 0.5 * np.pi
-    difference = theta - omega
-    first = np.select(
-        [quarter == 0, quarter == 1, quarter == 2],
-        [difference, difference, difference - np.pi],
-        2.0 * np.pi - difference,
-    )
-    second = np.select(
-        [quarter == 0, quarter == 1, quarter == 2],
-        [np.pi + difference, difference, difference],
-        np.pi - difference,
-    )
-    return np.where(flat, first, second)
-
-
-def paper_form(points: Array, abc: Array, v: Array, beta_rad: Array) -> Array:
-    """The paper's s for vertical planes: equations (4) and (5), D / (cos v |sin beta|).
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        Metres, scanner frame.
-    abc : ndarray, shape (3,)
-        Coefficients of aX + bY + cZ + 1 = 0.
-    v, beta_rad : ndarray, shape (n,)
-        Vertical angle of the laser; angle between beam and wall.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Metres; the sign is that of D.
-    """
-    distance = (points @ abc + 1.0) / np.linalg.norm(abc)
-    return np.asarray(distance / (np.cos(v) * np.abs(np.sin(beta_rad))))

@@ -1,33 +1,41 @@
-"""Adjustment of every laser of a scanner by iterated linearisation."""
+"""Adjustment of all lasers of a scanner, each on its own, at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.functional import design, misclosure
+from velocal.adjustment import nuisance, quality
+from velocal.adjustment.core import Block, Evaluation, iterate
+from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.adjustment.stochastic import Stochastic, block_numbers
+from velocal.beam_model import laser_beams
+from velocal.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Distances to planes whose lasers are adjusted.
+    """Distances to planes whose lasers are adjusted, from one or several stations.
 
     Attributes
     ----------
     distance_m, phi, laser_id : ndarray, shape (n,)
         Raw distance (metres), rotational angle (radians), laser.
     normal : ndarray, shape (n, 3)
-        Unit normal of the plane of each, scanner frame.
+        Unit normal of the plane of each, in the scanner frame of its station.
     offset : ndarray, shape (n,)
         Its offset, metres.
+    plane : ndarray of int, shape (n,), or None
+        Plane among those of the station; None where there is one only.
+    station : ndarray of int, shape (n,), or None
+        Station; None where there is one only.
     """
 
     distance_m: Array
@@ -35,46 +43,154 @@ class Observations:
     laser_id: NDArray[np.integer]
     normal: Array
     offset: Array
+    plane: NDArray[np.integer] | None = None
+    station: NDArray[np.integer] | None = None
 
-    def of(self, laser: int) -> Observations:
-        """Observations of one laser."""
-        rows = self.laser_id == laser
+    @property
+    def plane_number(self) -> NDArray[np.integer]:
+        """`plane`, zeros where it is None."""
+        return np.zeros(len(self.phi), dtype=np.int64) if self.plane is None else self.plane
+
+    @property
+    def station_number(self) -> NDArray[np.integer]:
+        """`station`, zeros where it is None."""
+        return np.zeros(len(self.phi), dtype=np.int64) if self.station is None else self.station
+
+    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Observations:
+        """Some of the observations."""
         return Observations(
             self.distance_m[rows],
             self.phi[rows],
             self.laser_id[rows],
             self.normal[rows],
             self.offset[rows],
+            self.plane_number[rows],
+            self.station_number[rows],
         )
 
-    def misclosure(self, parameters: ParameterSet) -> Array:
+    def of(self, laser: int) -> Observations:
+        """Observations of one laser."""
+        return self.take(self.laser_id == laser)
+
+    def misclosure(self, parameters: ParameterSet, scale: Array | None = None) -> Array:
         """Distance s along the beam of every observation, metres, shape (n,)."""
         return misclosure(
-            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset
+            self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
         )
 
-    def design(self, parameters: ParameterSet) -> tuple[Array, Array]:
+    def design(self, parameters: ParameterSet, scale: Array | None = None) -> tuple[Array, Array]:
         """Misclosures and design matrix; see `functional.design`."""
-        return design(
-            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset
+        s, matrix = design(
+            self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
         )
+        matrix[:, ADJUSTABLE.index("scale")] = self.distance_m
+        return s, matrix
+
+    def _scaled(self, scale: Array | None) -> Array:
+        return self.distance_m if scale is None else self.distance_m * (1 + scale[self.laser_id])
 
 
-@dataclass(frozen=True)
-class Stochastic:
-    """A-priori knowledge.
+def joined(stations: Sequence[Observations]) -> Observations:
+    """Observations of several stations, to be adjusted together."""
+    return Observations(
+        np.concatenate([each.distance_m for each in stations]),
+        np.concatenate([each.phi for each in stations]),
+        np.concatenate([each.laser_id for each in stations]),
+        np.concatenate([each.normal for each in stations]),
+        np.concatenate([each.offset for each in stations]),
+        np.concatenate([each.plane_number for each in stations]),
+        np.concatenate([np.full(len(each.phi), i) for i, each in enumerate(stations)]),
+    )
 
-    Attributes
+
+def split(
+    x: Array, names: Sequence[str], initial: ParameterSet
+) -> tuple[ParameterSet, Array | None]:
+    """Parameters and range scale out of corrections, shape (lasers, u)."""
+    change = dict(zip(names, x.T, strict=True))
+    scale = change.pop("scale", None)
+    return initial.corrected(change), scale
+
+
+def adjust_all(
+    observations: Observations,
+    initial: ParameterSet,
+    names: Sequence[str],
+    solver: Solver,
+    stochastic: Stochastic,
+    *,
+    max_iterations: int = 50,
+    tolerance: float = 1e-6,
+) -> list[Adjustment]:
+    """Adjust the parameters `names` of every laser on its own observations.
+
+    Parameters
     ----------
-    noise_std_m : float
-        Standard deviation of a misclosure for decisions on rank, metres.
-    prior_std : mapping of str to float
-        Standard deviation of the corrections that the factory's accuracy allows, by parameter;
-        metres and radians. It scales the parameters to each other.
-    """
+    observations : Observations
+        Of all lasers.
+    initial : ParameterSet
+        Where to start.
+    names : sequence of str
+        Parameters to adjust, out of `functional.ADJUSTABLE`.
+    solver : Solver
+        Method.
+    stochastic : Stochastic
+        A-priori knowledge.
+    max_iterations : int
+        Largest number of linearisations.
+    tolerance : float
+        The iteration ends when no correction changes by more than this times its prior standard
+        deviation (or itself, if that is larger).
 
-    noise_std_m: float
-    prior_std: Mapping[str, float]
+    Returns
+    -------
+    list of Adjustment
+        By laser; with rank 0 and all parameters held where a laser has no observations.
+    """
+    # Rows of a laser together, in the order of the angle, so that everything below is a slice.
+    order = np.lexsort((observations.phi, observations.laser_id))
+    data = observations.take(order)
+    columns = [ADJUSTABLE.index(name) for name in names]
+    by_alpha = ADJUSTABLE.index("alpha")
+    prior_std = np.array([stochastic.prior_std[name] for name in names])
+
+    def model(x: Array) -> Evaluation:
+        s, matrix = data.design(*split(x, names, initial))
+        return Evaluation(s, matrix[:, columns], stochastic.row_std(matrix[:, by_alpha]))
+
+    x, final, blocks = iterate(
+        model,
+        np.zeros((len(initial), len(names))),
+        np.bincount(data.laser_id, minlength=len(initial)).tolist(),
+        solver,
+        prior_std,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+    )
+    parameters, scale = split(x, names, initial)
+    direction, origin = laser_beams(data.phi, data.laser_id, parameters)
+    length = data._scaled(scale) + parameters.dl[data.laser_id] - final.w
+    point = origin + length[:, None] * direction
+    towards = np.einsum("ni,ni->n", direction, data.normal)
+    results = []
+    for laser, block in enumerate(blocks):
+        rows = block.rows
+        if block.step is None:
+            results.append(_unobserved(names, prior_std))
+            continue
+        results.append(
+            _quality(
+                data.take(np.arange(rows.start, rows.stop)),
+                names,
+                x[laser],
+                block,
+                Evaluation(final.w[rows], final.matrix[rows], final.row_std[rows]),
+                stochastic,
+                point[rows],
+                towards[rows],
+            )
+        )
+    return results
 
 
 def adjust_laser(
@@ -84,102 +200,100 @@ def adjust_laser(
     names: Sequence[str],
     solver: Solver,
     stochastic: Stochastic,
-    *,
-    max_iterations: int = 20,
-    tolerance: float = 1e-9,
 ) -> Adjustment:
-    """Adjust the parameters `names` of one laser.
+    """Adjust one laser; see `adjust_all`."""
+    return adjust_all(observations.of(laser), initial, names, solver, stochastic)[laser]
 
-    Parameters
-    ----------
-    observations : Observations
-        Of any lasers; those of `laser` are used.
-    laser : int
-        `laser_id`.
-    initial : ParameterSet
-        Where to start.
-    names : sequence of str
-        Parameters to adjust, out of `parameters.PARAMETERS`.
-    solver : Solver
-        Method.
-    stochastic : Stochastic
-        A-priori knowledge.
-    max_iterations : int
-        Largest number of linearisations.
-    tolerance : float
-        The iteration ends when no correction changes by more than this (metres, radians).
 
-    Returns
-    -------
-    Adjustment
-        With rank 0 and all parameters held where the laser has no observations.
-    """
-    own = observations.of(laser)
-    columns = [PARAMETERS.index(name) for name in names]
-    prior_std = np.array([stochastic.prior_std[name] for name in names])
-    u, n = len(names), len(own.phi)
-    total = np.zeros(u)
-    if n == 0:
-        return Adjustment(
-            tuple(names), total, np.zeros((u, u)), 0, tuple(names), np.zeros(u), np.zeros(0),
-            float("nan"), 0, 0, False, "no observations",
-        )  # fmt: skip
-
-    def corrected() -> ParameterSet:
-        change = {name: np.zeros(len(initial)) for name in names}
-        for name, value in zip(names, total, strict=True):
-            change[name][laser] = value
-        return initial.corrected(change)
-
-    # The first linearisation decides on the rank: were it to change on the way, a direction at
-    # the limit could go back and forth for ever.
-    rank: int | None = None
-    converged, iterations = False, 0
-    while not converged and iterations < max_iterations:
-        iterations += 1
-        s, matrix = own.design(corrected())
-        a = matrix[:, columns]
-        # Corrections from the start, so that what is not estimable stays at its initial value.
-        step = solver.step(a, s - a @ total, prior_std, stochastic.noise_std_m, rank)
-        rank = step.rank
-        change = step.delta - total
-        total = step.delta
-        converged = bool(np.max(np.abs(change)) <= tolerance)
-
-    residuals = own.misclosure(corrected())
+def _quality(
+    own: Observations,
+    names: Sequence[str],
+    corrections: Array,
+    block: Block,
+    final: Evaluation,
+    stochastic: Stochastic,
+    point: Array,
+    towards: Array,
+) -> Adjustment:
+    """Result of one laser with all its quality."""
+    step = block.step
+    assert step is not None
+    residuals, n = final.w, len(final.w)
     redundancy = n - step.rank
-    variance = float(residuals @ residuals) / redundancy if redundancy > 0 else float("nan")
-    shares = 1.0 - np.diag(step.estimable)
-    held = tuple(name for name, share in zip(names, shares, strict=True) if share > 0.5)
-    message = "converged" if converged else f"not converged after {iterations} linearisations"
-    if step.rank < u:
-        combination = ", ".join(held) or "a combination"
-        message += f"; rank {step.rank} of {u}, held at the initial value: {combination}"
+    squares = float(np.sum((residuals / final.row_std) ** 2))
+    factor = squares / redundancy if redundancy > 0 else float("nan")
+    station, plane = own.station_number, own.plane_number
+    if stochastic.block_rad is None or redundancy <= 0:
+        known = factor if redundancy > 0 else 1.0
+        noise = quality.independent_covariance(step, final.row_std, known)
+        freedom = max(redundancy, 1)
+    else:
+        group = station * (int(plane.max()) + 1) + plane
+        blocks = block_numbers(own.phi, group, stochastic.block_rad)
+        noise, freedom = quality.block_covariance(step, residuals, blocks)
+    parts = {"noise": noise, "prior": step.prior_part}
+    parts |= dict(
+        nuisance.contributions(
+            step.gain,
+            stochastic,
+            point=point,
+            normal=own.normal,
+            towards=towards,
+            distance_m=own.distance_m,
+            station=station,
+            plane=plane,
+            scale_adjusted="scale" in names,
+        )
+    )
+    held = quality.held(names, step)
+    combinations = quality.open_combinations(names, step)
+    message = block.message
+    if combinations:
+        message += f"; rank {step.rank} of {len(names)}, held at the initial value: "
+        message += "; ".join(combinations)
     return Adjustment(
-        tuple(names),
-        total,
-        (variance if redundancy > 0 else 0.0) * step.cofactor,
-        step.rank,
-        held,
-        step.singular_values,
-        residuals,
-        variance,
-        redundancy,
-        iterations,
-        converged,
-        message,
+        names=tuple(names),
+        corrections=corrections,
+        parts=parts,
+        freedom=float(freedom),
+        rank=step.rank,
+        held=held,
+        open_combinations=combinations,
+        condition=quality.condition(step),
+        singular_values=step.singular_values,
+        residuals=residuals,
+        redundancy_numbers=1.0 - step.leverage,
+        variance=float(residuals @ residuals) / redundancy if redundancy > 0 else float("nan"),
+        variance_factor=factor,
+        variance_factor_p=quality.variance_factor_test(factor, redundancy),
+        redundancy=redundancy,
+        iterations=block.iterations,
+        converged=block.converged,
+        message=message,
     )
 
 
-def adjust_all(
-    observations: Observations,
-    initial: ParameterSet,
-    names: Sequence[str],
-    solver: Solver,
-    stochastic: Stochastic,
-) -> list[Adjustment]:
-    """Adjust every laser on its own; see `adjust_laser`."""
-    return [
-        adjust_laser(observations, laser, initial, names, solver, stochastic)
-        for laser in range(len(initial))
-    ]
+def _unobserved(names: Sequence[str], prior_std: Array) -> Adjustment:
+    """Result of a laser without observations."""
+    u, nan = len(names), float("nan")
+    zero = np.zeros((u, u))
+    return Adjustment(
+        names=tuple(names),
+        corrections=np.zeros(u),
+        parts={"noise": zero, "prior": np.diag(prior_std**2)},
+        freedom=1.0,
+        rank=0,
+        held=tuple(names),
+        open_combinations=tuple(names),
+        condition=float("inf"),
+        singular_values=np.zeros(u),
+        residuals=np.zeros(0),
+        redundancy_numbers=np.zeros(0),
+        variance=nan,
+        variance_factor=nan,
+        variance_factor_p=nan,
+        redundancy=0,
+        iterations=0,
+        converged=False,
+        message="no observations",
+    )

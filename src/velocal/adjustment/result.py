@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t
 
 Array = NDArray[np.float64]
 
@@ -20,19 +22,31 @@ class Adjustment:
         Adjusted parameters, in the order of the vectors and matrices below.
     corrections : ndarray, shape (u,)
         To be added to the initial parameters; metres and radians.
-    covariance : ndarray, shape (u, u)
-        Of the corrections; of the estimable part only where the rank is deficient.
+    parts : mapping of str to ndarray, shape (u, u)
+        Covariance of the corrections by source: ``noise`` of the observations, ``prior`` (what
+        the data leave to it), ``pose``, ``planes``, ``range_scale``, ``repeatability``.
+    freedom : float
+        Degrees of freedom of the noise part.
     rank : int
         Number of combinations of parameters that the data determine.
     held : tuple of str
-        Parameters that the data do not determine: their share outside the estimable space
-        exceeds one half.
-    singular_values : ndarray, shape (u,)
-        Of the design matrix scaled by the prior standard deviations.
+        Parameters that the data do not determine; their standard deviation is the prior's.
+    open_combinations : tuple of str
+        What is not determined, as combinations in units of the prior.
+    condition : float
+        Of the scaled design matrix.
+    singular_values : ndarray
+        Of the scaled design matrix.
     residuals : ndarray, shape (n,)
         Misclosures after the adjustment, metres.
+    redundancy_numbers : ndarray, shape (n,)
+        Share of each misclosure that shows in its residual; they sum to the redundancy.
     variance : float
         Sum of squared residuals over the redundancy, square metres; NaN without redundancy.
+    variance_factor : float
+        The same with residuals in units of their prior standard deviation.
+    variance_factor_p : float
+        Two-sided p-value of the test of H0: variance factor is 1.
     redundancy : int
         n minus rank.
     iterations : int
@@ -44,19 +58,54 @@ class Adjustment:
 
     names: tuple[str, ...]
     corrections: Array
-    covariance: Array
+    parts: Mapping[str, Array]
+    freedom: float
     rank: int
     held: tuple[str, ...]
+    open_combinations: tuple[str, ...]
+    condition: float
     singular_values: Array
     residuals: Array
+    redundancy_numbers: Array
     variance: float
+    variance_factor: float
+    variance_factor_p: float
     redundancy: int
     iterations: int
     converged: bool
     message: str
 
     @property
+    def covariance(self) -> Array:
+        """Covariance of the corrections, all sources together, shape (u, u)."""
+        return np.asarray(sum(self.parts.values()))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix of the corrections, shape (u, u)."""
+        std = self.std
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.covariance / np.outer(std, std))
+
+    @property
     def std(self) -> Array:
-        """Standard deviations of the corrections, NaN for held parameters, shape (u,)."""
-        held = np.array([name in self.held for name in self.names])
-        return np.where(held, np.nan, np.sqrt(np.diag(self.covariance)))
+        """Standard deviations of the corrections, shape (u,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def noise_std(self) -> Array:
+        """The part of `std` that other data of the same laser would average out, shape (u,)."""
+        return np.asarray(np.sqrt(np.diag(self.parts["noise"])))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Half widths of confidence intervals, shape (u,).
+
+        Student's quantile where the noise is estimated from few blocks; by Welch and
+        Satterthwaite it nears the normal one as the other, known parts grow.
+        """
+        noise = np.diag(self.parts["noise"])
+        total = np.diag(self.covariance)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            freedom = np.where(noise > 0, self.freedom * (total / noise) ** 2, np.inf)
+        quantile = t.ppf(0.5 + level / 2.0, np.maximum(freedom, 1.0))
+        return np.asarray(quantile * self.std)

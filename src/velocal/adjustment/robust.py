@@ -1,0 +1,76 @@
+"""Robust solvers: rows that disagree with the others are weighted down at every linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.adjustment.solvers import Solver, Step, System
+
+Array = NDArray[np.float64]
+#: The median absolute deviation of a normal distribution is its standard deviation over this.
+MAD_PER_STD = 1.4826
+
+
+def huber(size: Array, limit: float = 1.345) -> Array:
+    """Huber's weights of standardised residuals: 1 inside the limit, limit / size beyond."""
+    return np.minimum(1.0, limit / np.maximum(size, 1e-300))
+
+
+def igg(size: Array, inner: float = 1.5, outer: float = 3.0) -> Array:
+    """Weights of the IGG III scheme: 1 inside, falling smoothly, 0 beyond the outer limit."""
+    safe = np.maximum(size, 1e-300)
+    fall = inner / safe * ((outer - safe) / (outer - inner)) ** 2
+    return np.where(size <= inner, 1.0, np.where(size >= outer, 0.0, fall))
+
+
+def snooping(size: Array, limit: float = 3.29) -> Array:
+    """Baarda's data snooping: rows whose test exceeds the limit (0.1 %) are left out."""
+    return np.where(size > limit, 0.0, 1.0)
+
+
+_WEIGHTS: dict[str, Callable[[Array], Array]] = {"huber": huber, "igg": igg, "snooping": snooping}
+
+
+@dataclass(frozen=True)
+class Robust:
+    """Another solver on reweighted rows.
+
+    The residuals at the current parameters, centred by their median at the first linearisation
+    and standardised by the median absolute deviation, give the weights; data snooping also
+    divides by the root of the redundancy number of each row.
+
+    Attributes
+    ----------
+    base : Solver
+        Solves the reweighted system.
+    kind : {"huber", "igg", "snooping"}
+        Weight function.
+    """
+
+    base: Solver
+    kind: Literal["huber", "igg", "snooping"] = "huber"
+
+    def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
+        """Solve one linearised system; see `Solver.step`."""
+        first = self.base.step(system, basis, damping)
+        # What the plain solution would leave: before it, offsets of the laser hide the outliers.
+        residual = system.w + system.matrix @ first.delta
+        spread = MAD_PER_STD * np.median(np.abs(residual))
+        if spread <= 1e-12 * np.max(np.abs(system.w), initial=1e-300):
+            return first
+        size = np.abs(residual) / spread
+        if self.kind == "snooping":
+            size = size / np.sqrt(np.maximum(1.0 - first.leverage, 1e-6))
+        root = np.sqrt(_WEIGHTS[self.kind](size))
+        weighted = replace(system, matrix=system.matrix * root[:, None], w=system.w * root)
+        step = self.base.step(weighted, basis, damping)
+        return replace(step, gain=step.gain * root)
+
+    def objective(self, system: System) -> float:
+        """Nothing: weights change with every step, so that no one sum is minimised."""
+        return 0.0

@@ -1,0 +1,85 @@
+"""Stochastic model: what is known before the adjustment of observations, parameters and survey."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SurveyUncertainty:
+    """How sure pose and planes of one station are.
+
+    Attributes
+    ----------
+    translation : ndarray, shape (3,)
+        Of ``T_scanner_field``, metres.
+    pose : ndarray, shape (6, 6)
+        Covariance of its rotation vector and translation (rad, m).
+    planes : ndarray, shape (k, 4, 4)
+        Covariance of normal and offset of every plane from its targets, without the pose.
+    """
+
+    translation: Array
+    pose: Array
+    planes: Array
+
+
+@dataclass(frozen=True)
+class Stochastic:
+    """A-priori knowledge.
+
+    Attributes
+    ----------
+    noise_std_m : float
+        Standard deviation of a distance, metres.
+    prior_std : mapping of str to float
+        Standard deviation of the corrections that the factory's accuracy allows, by parameter;
+        metres and radians. It scales the parameters to each other.
+    angle_std_rad : float
+        Standard deviation of a rotational angle.
+    block_rad : float or None
+        Misclosures nearer than this in rotational angle, on one plane, are correlated: they form
+        blocks, and the spread of the blocks gives the noise of the parameters. None: independent.
+    range_scale : float
+        Standard deviation of a range scale per laser that is not adjusted.
+    repeatability_m : float
+        Standard deviation of what changes the distances of a laser from one recording to another.
+    survey : tuple of SurveyUncertainty
+        By station.
+    """
+
+    noise_std_m: float
+    prior_std: Mapping[str, float]
+    angle_std_rad: float = 0.0
+    block_rad: float | None = None
+    range_scale: float = 0.0
+    repeatability_m: float = 0.0
+    survey: tuple[SurveyUncertainty, ...] = ()
+
+    def row_std(self, by_phi: Array) -> Array:
+        """Standard deviation of misclosures with derivative `by_phi` by the rotational angle."""
+        return np.hypot(self.noise_std_m, by_phi * self.angle_std_rad)
+
+
+def block_numbers(phi: Array, group: NDArray[np.integer], width: float) -> NDArray[np.int64]:
+    """Number the blocks of neighbouring angles within a group (station and plane).
+
+    Parameters
+    ----------
+    phi : ndarray, shape (n,)
+        Rotational angles, radians.
+    group : ndarray of int, shape (n,)
+        Rows of different groups are never in one block.
+    width : float
+        Width of a block, radians.
+    """
+    cells = int(np.ceil(2.0 * np.pi / width)) + 1
+    cell = np.floor(np.mod(phi, 2.0 * np.pi) / width).astype(np.int64)
+    used = np.bincount(group * cells + cell) > 0
+    return np.asarray((np.cumsum(used) - 1)[group * cells + cell])

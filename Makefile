@@ -1,8 +1,9 @@
 # velocal: every target sets itself up in .venv, from Python >= 3.11 with pip and venv alone.
 #
-# Two stamps, each written last, so that a set-up that was interrupted is done again:
+# Three stamps, each written last, so that a set-up that was interrupted is done again:
 #   .venv/.locked     the exact packages of requirements.lock; made anew when the lock changes
 #   .venv/.installed  velocal itself, editable; done again when pyproject.toml changes
+#   .venv/nist/.unpacked  reference data of NIST for the tests, which do without where they cannot be had
 
 PYTHON ?= python3
 UV ?= uv
@@ -11,12 +12,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOCKED := $(VENV)/.locked
 INSTALLED := $(VENV)/.installed
+NIST := $(VENV)/nist
+UNPACKED := $(NIST)/.unpacked
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --compile
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results field test lint lock clean
+.PHONY: help setup results field test lint nist lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -29,6 +32,8 @@ field: $(INSTALLED) ## run the workflow on recordings without a survey (config/f
 	$(RUN) snakemake --cores $(CORES) --configfile config/field.yaml
 
 test: lint ## run all checks and tests
+	@$(MAKE) --no-print-directory nist 2>/dev/null || \
+	    echo "no reference data of NIST: the tests that need them are skipped. Hint: make nist says why"
 	$(RUN) pytest -n 2
 
 lint: $(INSTALLED) ## run the checks that start no test
@@ -39,7 +44,20 @@ lint: $(INSTALLED) ## run the checks that start no test
 	$(RUN) snakefmt --check Snakefile workflow
 	$(RUN) snakemake --lint
 
+nist: $(UNPACKED) ## download NIST's reference data for the tests (once)
+
 setup: $(INSTALLED) ## only make the environment in .venv
+
+# Packages whose source distributions hold the data; pip reads their metadata, nothing is installed.
+$(UNPACKED): tests/reference/nist-requirements.txt $(LOCKED)
+	@rm -rf $(NIST) && mkdir -p $(NIST)
+	@echo "Downloading reference data of NIST (once, about ten seconds)"
+	@$(BIN)/python -m pip download --quiet --quiet --disable-pip-version-check --retries 1 --timeout 10 --no-deps \
+	    --no-binary lmfit,reductus --require-hashes --requirement $< --dest $(NIST) >$(NIST)/log 2>&1 || { \
+	    echo "error: pip could not download them; see $(NIST)/log. Hint: with a network, run make nist" >&2; exit 1; }
+	@$(BIN)/python tests/reference/nist.py $(NIST)
+	@rm -f $(NIST)/*.tar.gz
+	@touch $@
 
 $(INSTALLED): $(LOCKED) pyproject.toml
 	$(PIP_INSTALL) --no-deps --no-build-isolation --editable .

@@ -1,93 +1,32 @@
-"""Monte Carlo on the simulated world: do the stated standard deviations hold against truth?
+"""Monte Carlo on the simulated world: stated standard deviations held against truth.
 
-The beams of a station are fixed (a grid of angles on walls and floor); every run draws true
-parameters, errors of the observations and of the survey, adjusts, and compares with the truth.
-Medians are drawn directly, not from packets: the closed loop tests do that.
+Medians are drawn directly (`simulation.draws`), not from packets: the closed loop tests do that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import ADJUSTABLE
-from velocal.adjustment.lasers import Observations, adjust_all
-from velocal.adjustment.result import Adjustment
+from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import Solver
-from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
-from velocal.beam_model import laser_beams
-from velocal.parameters import ParameterSet
-from velocal.planes import Plane
-from velocal.rigid import RigidTransformation
-from velocal.sensors import SCANNERS
-from velocal.simulation.scene import Surface, cast, surveyed_field
-from velocal.simulation.survey import base_targets_field, base_targets_scanner, field_targets
-from velocal.simulation.truth import factory_parameters
-from velocal.simulation.world import ErrorModel, World
-from velocal.station import Station, adjust_station, as_dict, uncertainty_of
-from velocal.survey import Targets
+from velocal.adjustment.stochastic import Stochastic
+from velocal.simulation.draws import Draw, Geometry, exact
+from velocal.simulation.world import ErrorModel
 
 Array = NDArray[np.float64]
-
-#: Surveyed planes, in the order of the numbers of `Geometry.plane`.
-PLANES = ("short_wall", "long_wall", "floor")
-#: Gates of the study: distance of a beam from the edge of a plane, and its incidence.
-EDGE_M, INCIDENCE_RAD = 0.05, np.deg2rad(80.0)
-#: Standard deviation of the median of n normal values, times the root of n.
-MEDIAN_PER_MEAN = np.sqrt(np.pi / 2.0)
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Beams of a station that meet surveyed planes.
-
-    Attributes
-    ----------
-    world : World
-    scanner, position : str
-    factory : ParameterSet
-        Where every adjustment starts.
-    phi, laser_id, plane : ndarray, shape (n,)
-        Rotational angle (radians), laser and plane of every beam; sorted by laser and angle.
-    """
-
-    world: World
-    scanner: str
-    position: str
-    factory: ParameterSet
-    phi: Array
-    laser_id: NDArray[np.int64]
-    plane: NDArray[np.int64]
-
-    @property
-    def errors(self) -> ErrorModel:
-        """Error model of the unit."""
-        return self.world.scanner(self.scanner).errors
-
-
-@dataclass(frozen=True)
-class Draw:
-    """What one run hands to the adjustment, and the truth.
-
-    Attributes
-    ----------
-    observations : Observations
-    survey : SurveyUncertainty or None
-        None where pose and planes are exact.
-    true : ParameterSet
-    """
-
-    observations: Observations
-    survey: SurveyUncertainty | None
-    true: ParameterSet
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Runs of one method on one station, arrays of shape (runs, lasers, u).
+
+    Lasers are those with beams.
 
     Attributes
     ----------
@@ -110,135 +49,26 @@ class Outcome:
     observable: NDArray[np.bool_]
 
 
-def geometry(world: World, scanner: str, position: str, step_deg: float = 0.9) -> Geometry:
-    """Beams of all lasers every `step_deg` that meet walls or floor of the flat scene.
-
-    Parameters
-    ----------
-    world : World
-    scanner, position : str
-    step_deg : float
-        A tenth of the medians, by default, so that runs are quick; about twice the length over
-        which the fixed pattern is correlated, so that the correlation is still there.
-    """
-    known, factory = SCANNERS[scanner], factory_parameters(world, scanner)
-    angles = np.deg2rad(np.arange(0.0, 360.0 - 0.5 * step_deg, step_deg))
-    laser = np.repeat(np.arange(known.n_lasers), len(angles))
-    phi = np.tile(angles, known.n_lasers)
-    surfaces = {name: replace(s, relief=None) for name, s in surveyed_field(world).items()}
-    pose = world.pose(position)
-    direction, origin = laser_beams(phi, laser, factory)
-    direction, origin = direction @ pose.rotation.T, pose.apply(origin)
-    length, plane = cast(surfaces, origin, direction)
-    kept = (plane >= 0) & (plane < len(PLANES))
-    kept &= length >= world.scanner(scanner).min_range_m
-    for index, name in enumerate(PLANES):
-        surface = surfaces[name]
-        own = plane == index
-        hit = origin[own] + length[own, None] * direction[own] - surface.corner
-        for axis, extent in zip((surface.across, surface.up), surface.size, strict=True):
-            kept[own] &= np.abs(hit @ axis - 0.5 * extent) <= 0.5 * extent - 2.0 * EDGE_M
-        kept[own] &= np.abs(direction[own] @ surface.normal) >= np.cos(INCIDENCE_RAD)
-    return Geometry(world, scanner, position, factory, phi[kept], laser[kept], plane[kept])
-
-
-def true_parameters(
-    rng: np.random.Generator, start: ParameterSet, stochastic: Stochastic, names: Sequence[str]
-) -> ParameterSet:
-    """Truth about the start, drawn from the prior of the stochastic model.
-
-    Intervals that contain prior knowledge can only be right on average over the prior: with the
-    errors of the world instead, a question about the world's constants would be asked.
-    """
-    return start.corrected(
-        {
-            name: rng.normal(0.0, stochastic.prior_std[name], len(start))
-            for name in names
-            if name != "scale"
-        }
-    )
-
-
-def white_draws(
-    at: Geometry, stochastic: Stochastic, names: Sequence[str], runs: int, seed: int
-) -> Iterator[Draw]:
-    """Draw runs with white noise of distance and angle as stated, and an exact survey."""
-    surfaces = _flat(at.world)
-    planes = [_plane_of(surface, at.world.pose(at.position)) for surface in surfaces]
-    for run in range(runs):
-        rng = _stream(seed, run)
-        true = true_parameters(rng, at.factory, stochastic, names)
-        length = _ranges(at, true, surfaces)
-        n = len(length)
-        distance = length - true.dl[at.laser_id] + rng.normal(0.0, stochastic.noise_std_m, n)
-        phi = at.phi + rng.normal(0.0, stochastic.angle_std_rad, n)
-        yield Draw(_observations(at, distance, phi, planes), None, true)
-
-
-def full_draws(
-    at: Geometry,
-    stochastic: Stochastic,
-    names: Sequence[str],
-    runs: int,
-    seed: int,
-    *,
-    rotations: int = 100,
-    scenes: int = 40,
-) -> Iterator[Draw]:
-    """Draw runs with all errors of the world.
-
-    Fixed pattern correlated along azimuth with a size per laser, range scale, shift and drift,
-    noise of the medians of `rotations` shots, ticks, angle steps; base targets and wall targets
-    measured anew in every run, on one of `scenes` reliefs of walls and floor. The common mean
-    of the shifts at a position is left out: it is no scatter.
-    """
-    errors, n_lasers = at.errors, len(at.factory)
-    factors = _pattern_factors(at)
-    worlds = [replace(at.world, seed=int(s)) for s in _stream(seed, 0, 1).integers(2**31, size=scenes)]
-    reliefs = [[surveyed_field(world)[name] for name in PLANES] for world in worlds]
-    targets = [_joined(field_targets(world)) for world in worlds]
-    for run in range(runs):
-        rng = _stream(seed, run, 2)
-        true = true_parameters(rng, at.factory, stochastic, names)
-        scene = run % scenes
-        station = _survey(at, rng, targets[scene], at.world.field["target_std_mm"] * 1e-3)
-        length = _ranges(at, true, reliefs[scene])
-        size = np.exp(rng.normal(0.0, errors.pattern_log, n_lasers)) * errors.pattern_median_cm
-        shift = (
-            rng.normal(0.0, errors.shift_cm, n_lasers)
-            + rng.normal(0.0, errors.drift_laser_cm, n_lasers)
-            + rng.normal(0.0, errors.drift_common_cm)
-            + rng.normal(0.0, errors.drift_window_cm, n_lasers)
-        )
-        shot = np.exp(rng.normal(0.0, errors.noise_log, n_lasers)) * errors.noise_median_cm
-        median = shot * MEDIAN_PER_MEAN / np.sqrt(rotations)
-        scale = rng.normal(0.0, errors.range_scale_cm_per_m * 1e-2, n_lasers)
-        pattern = np.concatenate([f @ rng.standard_normal(len(f)) for f in factors])
-        laser = at.laser_id
-        distance = length * (1.0 + scale[laser]) - true.dl[laser]
-        distance += (shift[laser] + size[laser] * pattern) * 1e-2
-        distance += median[laser] * 1e-2 * rng.standard_normal(len(laser))
-        phi = at.phi + rng.normal(0.0, stochastic.angle_std_rad, len(laser))
-        planes = [fit.plane for fit in station.planes]
-        survey = uncertainty_of(as_dict(station))
-        yield Draw(_observations(at, distance, phi, planes), survey, true)
-
-
 def outcome(
-    draws: Iterator[Draw],
+    draws: Iterable[Draw],
     at: Geometry,
     names: Sequence[str],
     solver: Solver,
     stochastic: Stochastic,
 ) -> Outcome:
-    """Adjust every run and compare with its truth."""
+    """Adjust every run and compare with its truth.
+
+    Iterated until a correction changes by less than a thousandth of its prior standard deviation.
+    """
     error, std, inside, held = [], [], [], []
+    used = np.unique(at.laser_id)
     for draw in draws:
         survey = () if draw.survey is None else (draw.survey,)
         model = replace(stochastic, survey=survey)
-        results = adjust_all(draw.observations, at.factory, names, solver, model)
+        found = adjust_all(draw.observations, at.factory, names, solver, model, tolerance=1e-3)
+        results = [found[laser] for laser in used]
         true = np.column_stack(
-            [getattr(draw.true, name) - getattr(at.factory, name) for name in names]
+            [(getattr(draw.true, name) - getattr(at.factory, name))[used] for name in names]
         )
         difference = np.array([result.corrections for result in results]) - true
         half = np.array([result.interval() for result in results])
@@ -255,95 +85,93 @@ def outcome(
     )
 
 
-def cramer_rao(
-    at: Geometry, stochastic: Stochastic, names: Sequence[str]
-) -> Array:
+def cramer_rao(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Array:
     """Least standard deviations of unbiased parameters for white noise, shape (lasers, u).
 
-    Roots of the diagonal of (A' M A)^-1 at the factory's parameters; infinite for a laser whose
-    data do not determine all of them.
+    Roots of the diagonal of (A' M A)^-1 at the factory's parameters, of the lasers with beams;
+    infinite for a laser whose data do not determine all of them.
     """
-    surfaces = _flat(at.world)
-    planes = [_plane_of(surface, at.world.pose(at.position)) for surface in surfaces]
-    distance = _ranges(at, at.factory, surfaces) - at.factory.dl[at.laser_id]
-    _, matrix = _observations(at, distance, at.phi, planes).design(at.factory)
+    _, matrix = exact(at).design(at.factory)
     weighted = matrix / stochastic.row_std(matrix[:, ADJUSTABLE.index("alpha")])[:, None]
     weighted = weighted[:, [ADJUSTABLE.index(name) for name in names]]
-    bound = np.full((len(at.factory), len(names)), np.inf)
-    for laser in range(len(bound)):
+    used = np.unique(at.laser_id)
+    bound = np.full((len(used), len(names)), np.inf)
+    for number, laser in enumerate(used):
         own = weighted[at.laser_id == laser]
-        if len(own) > len(names) and np.linalg.cond(own) < 1e10:
-            bound[laser] = np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
+        scaled = own * [stochastic.prior_std[name] for name in names]
+        if len(own) > len(names) and np.linalg.cond(scaled) < 1e10:
+            bound[number] = np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
     return bound
 
 
-def _stream(*key: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(key[0], spawn_key=key[1:]))
+def observable_only(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Geometry:
+    """Beams of those lasers whose bound is below the prior in all parameters `names`.
 
-
-def _flat(world: World) -> list[Surface]:
-    return [replace(surveyed_field(world)[name], relief=None) for name in PLANES]
-
-
-def _plane_of(surface: Surface, pose: RigidTransformation) -> Plane:
-    """Exact plane of a flat surface in the scanner frame; the normal away from the scanner."""
-    normal = -surface.normal @ pose.rotation
-    offset = -float(normal @ pose.inverse().apply(surface.corner))
-    return Plane(normal, offset, np.zeros((4, 4)))
-
-
-def _ranges(at: Geometry, true: ParameterSet, surfaces: Sequence[Surface]) -> Array:
-    """Range to the plane of every beam, with its relief; the planes have no edge."""
-    direction, origin = laser_beams(at.phi, at.laser_id, true)
-    pose = at.world.pose(at.position)
-    direction, origin = direction @ pose.rotation.T, pose.apply(origin)
-    length = np.empty(len(at.phi))
-    for index, surface in enumerate(surfaces):
-        own = at.plane == index
-        endless = replace(surface, corner=surface.corner, size=(np.inf, np.inf))
-        towards = direction[own] @ endless.normal
-        flat = (surface.corner - origin[own]) @ surface.normal / towards
-        if surface.relief is not None:
-            hit = origin[own] + flat[:, None] * direction[own] - surface.corner
-            flat = flat + surface.relief(hit @ surface.across, hit @ surface.up) / towards
-        length[own] = flat
-    return length
-
-
-def _observations(
-    at: Geometry, distance: Array, phi: Array, planes: Sequence[Plane]
-) -> Observations:
-    normals = np.stack([plane.normal for plane in planes])
-    offsets = np.array([plane.offset for plane in planes])
-    return Observations(distance, phi, at.laser_id, normals[at.plane], offsets[at.plane], at.plane)
-
-
-def _pattern_factors(at: Geometry) -> list[Array]:
-    """Factors F per laser: F z has the correlation of a smoothed fixed pattern.
-
-    White noise smoothed by a Gaussian kernel of width k has the correlation exp(-d^2 / 4 k^2).
+    Elsewhere the bound is none: with v in error by degrees the model is no longer linear.
     """
-    width = np.deg2rad(at.errors.pattern_kernel_deg)
-    factors = []
-    for laser in range(len(at.factory)):
-        phi = at.phi[at.laser_id == laser]
-        apart = np.mod(phi[:, None] - phi + np.pi, 2.0 * np.pi) - np.pi
-        values, vectors = np.linalg.eigh(np.exp(-((apart / width) ** 2) / 4.0))
-        factors.append(vectors * np.sqrt(np.maximum(values, 0.0)))
-    return factors
+    bound = cramer_rao(at, stochastic, names)
+    prior = [stochastic.prior_std[name] for name in names]
+    lasers = np.unique(at.laser_id)[(bound < prior).all(axis=1)]
+    kept = np.isin(at.laser_id, lasers)
+    return replace(at, phi=at.phi[kept], laser_id=at.laser_id[kept], plane=at.plane[kept])
 
 
-def _joined(parts: Sequence[Targets]) -> Targets:
-    return Targets(
-        tuple(name for part in parts for name in part.name),
-        tuple(group for part in parts for group in part.group),
-        np.concatenate([part.xyz for part in parts]),
-        np.concatenate([part.std for part in parts]),
+def of_unit(stochastic: Stochastic, errors: ErrorModel) -> Stochastic:
+    """Stochastic model with the range scale and the repeatability of a simulated unit."""
+    steady = (
+        errors.shift_cm, errors.drift_laser_cm, errors.drift_common_cm, errors.drift_window_cm,
+    )  # fmt: skip
+    return replace(
+        stochastic,
+        range_scale=errors.range_scale_cm_per_m * 1e-2,
+        repeatability_m=float(np.linalg.norm(steady)) * 1e-2,
     )
 
 
-def _survey(at: Geometry, rng: np.random.Generator, targets: Targets, std: float) -> Station:
-    """Survey of the position with new errors of all targets."""
-    def again(exact: Targets) -> Targets:
-        return replace(exact, xyz=exact.xyz + rng.normal(0.0, exact.std))
-    raise NotImplementedError
+def white_only(stochastic: Stochastic) -> Stochastic:
+    """Stochastic model of independent noise of distance and angle, and no other errors."""
+    return replace(stochastic, block_rad=None, range_scale=0.0, repeatability_m=0.0, survey=())
+
+
+def summary(found: Outcome, bound: Array | None = None) -> Iterator[dict[str, Any]]:
+    """Rows per parameter: those that the data determine, and those that they do not.
+
+    Parameters
+    ----------
+    found : Outcome
+    bound : ndarray, shape (lasers, u), optional
+        What errors are compared with; what was stated if omitted.
+
+    Yields
+    ------
+    dict
+        Root mean square error and stated standard deviation over runs and lasers in metres or
+        radians; their ratio, with the least and the greatest of a single laser; the share of
+        95 % intervals that cover the truth, likewise.
+    """
+    stated = np.sqrt(np.mean(found.std**2, axis=0))
+    compared = stated if bound is None else bound
+    rms = np.sqrt(np.mean(found.error**2, axis=0))
+    cover = found.inside.mean(axis=0) * 100.0
+    for number, name in enumerate(found.names):
+        for observable in (True, False):
+            lasers = found.observable[:, number] == observable
+            if not lasers.any():
+                continue
+            size, other, share = (each[lasers, number] for each in (rms, compared, cover))
+            ratio = size / other
+            yield {
+                "parameter": name,
+                "observable": int(observable),
+                "runs": len(found.error),
+                "lasers": int(lasers.sum()),
+                "rms_error": np.sqrt(np.mean(size**2)),
+                "stated_std": np.sqrt(np.mean(stated[lasers, number] ** 2)),
+                "compared_with": "stated" if bound is None else "bound",
+                "ratio": np.sqrt(np.mean(ratio**2)),
+                "least_ratio": ratio.min(),
+                "greatest_ratio": ratio.max(),
+                "coverage_95_pct": share.mean(),
+                "least_coverage_pct": share.min(),
+                "greatest_coverage_pct": share.max(),
+            }

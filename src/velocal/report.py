@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal import provenance, storage
+from velocal import comparison, provenance, storage
 from velocal.calibration_files import formats
 from velocal.figures import TITLES
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
@@ -85,6 +85,8 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG by field sample.
+    methods : tuple
+        Numbers of the comparison of methods, or None, and its picture.
     """
 
     title: str
@@ -99,6 +101,7 @@ class Study:
     factories: Mapping[str, ParameterSet] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
 
 
 def read(
@@ -116,7 +119,7 @@ def read(
     ----------
     files : mapping of str to sequence of Path
         By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
-        ``field``. A kind may be missing or empty.
+        ``field``, ``methods``. A kind may be missing or empty.
     title, simulated
         As in `Study`.
     tables, figures : mapping of str to mapping
@@ -167,6 +170,7 @@ def read(
         },
         field_table=frame("field"),
         field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
+        methods=(frame("methods"), b"".join(path.read_bytes() for path in pictures("methods"))),
     )
 
 
@@ -214,6 +218,7 @@ def render(study: Study) -> str:
             for scanner, sets in study.sets.items()
         },
         "ledgers": study.ledgers,
+        "methods": comparison.section(*study.methods),
         "field": _plain(study.field_table),
         "field_pictures": {
             sample: base64.b64encode(png).decode("ascii")

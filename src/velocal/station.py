@@ -117,12 +117,21 @@ def patches_of(content: Mapping[str, Any]) -> list[Patch]:
 
 
 def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:
-    """How sure pose and planes are, out of what `as_dict` gave."""
+    """How sure pose and planes are, out of what `as_dict` gave.
+
+    Targets deviate from a plane by their own errors and by those of the surface: what is more
+    than the first, as the variance factor tells, is flatness (root mean square, from the mean
+    deviation of a normal distribution). The plane follows its level and slope, so that its own
+    covariance is left as it is.
+    """
     pose = content["pose"]
+    excess = np.array([max(plane["variance_factor"] or 1.0, 1.0) for plane in content["planes"]])
+    deviation = np.array([plane["flatness_mean_m"] for plane in content["planes"]])
     return SurveyUncertainty(
         np.array(pose["translation_m"]),
         np.array(pose["covariance_rad_m"]),
         np.array([plane["covariance"] for plane in content["planes"]]),
+        deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)),
     )
 
 

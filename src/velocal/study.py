@@ -282,6 +282,32 @@ def _check_references(study: Study, where: str) -> None:
                     where=where,
                     allowed=", ".join(study.surveyed),
                 )
+    if "methods" in config:
+        _check_methods(study, config["methods"], where)
+
+
+def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:
+    """Check the samples that methods are compared on."""
+    known = [s.name for s in study.surveyed.values() if s.scanner == methods["scanner"]]
+    for key in ("calibration", "other"):
+        for sample in methods[key]:
+            if sample not in known:
+                raise ConfigError(
+                    f"methods.{key}: no sample {sample!r} of {methods['scanner']!r}",
+                    where=where,
+                    allowed=", ".join(known),
+                )
+    used = {study.surveyed[sample].position for sample in methods["calibration"]}
+    for sample in methods["other"]:
+        if study.surveyed[sample].position in used:
+            raise ConfigError(
+                f"methods.other: sample {sample!r} is of a position that is calibrated on",
+                where=where,
+                hint="Methods are judged on a position that they did not see.",
+            )
+    for key in ("dl_cm", "alpha_deg", "v_deg"):
+        if key not in study.config["adjustment"]["prior"]:
+            raise ConfigError(f"methods: adjustment.prior has no {key!r}", where=where)
 
 
 def check_files(study: Study, made_here: str | None, where: str) -> None:

@@ -19,6 +19,14 @@ LASERS, SUMMARY = statistics()
 FACTORY = nominal(SCANNERS["HDL-32E"])
 PNG = b"\x89PNG\r\n\x1a\nnot really"
 
+METHODS = pd.DataFrame(
+    {
+        "arm": ["paper", "prior"], "name": ["the paper <printed>", "ours"], "reference": "x",
+        "planes": "all", "parameters": "dl", "other_seen": [0, 0], "unconverged": [3, 0],
+        "calibration_walls_std_cm": [1.0, 1.01], "other_walls_std_cm": [2.0, 1.5],
+    }
+)  # fmt: skip
+
 LEDGER = {
     "file": "sa5.bin", "scanner": "HDL-32E", "duration_s": 33.1, "rotations": 332,
     "rotations_complete": 330, "rotation_rate_hz": 10.006, "gaps": 2, "packets_missing": 17,
@@ -85,6 +93,7 @@ FULL = report.Study(
     factories={"HDL-32E": FACTORY},
     field_table=pd.DataFrame({"sample": ["street"], "std_cm": [0.61234567]}),
     field_pictures={"street": PNG},
+    methods=(METHODS, PNG),
 )
 PAGE = report.render(FULL)
 
@@ -131,7 +140,7 @@ def test_links_lead_somewhere():
     ids = {attributes["id"] for _, attributes in found if "id" in attributes}
     links = {a["href"] for tag, a in found if tag == "a"}
     assert {f"#{name}" for name in ids} >= links
-    assert len(links) == 9
+    assert len(links) == 10
 
 
 def test_simulated_studies_say_so_first():
@@ -193,7 +202,7 @@ def test_verdicts_read_from_a_file_are_understood():
 
 
 def test_without_comparison_there_is_nothing_of_the_paper():
-    page = report.render(replace(FULL, agreement=None, simulated=False))
+    page = report.render(replace(FULL, agreement=None, methods=(None, b""), simulated=False))
     assert "paper" not in text_of(page).replace("as in the paper", "")
     assert 'id="agreement"' not in page
     Elements(page)
@@ -242,3 +251,11 @@ def test_script_reads_what_is_there(tmp_path):
         "overview", "tables", "agreement", "figures", "survey", "sets", "ledger", "versions",
     ]  # fmt: skip
     assert str(tmp_path) not in page
+
+
+def test_methods_are_compared():
+    section = re.search(r'(?s)<section id="methods">.*?</section>', PAGE)[0]
+    assert "the paper &lt;printed&gt;" in section
+    assert "-25.0 % on the position" in section
+    assert section.count("<tr>") == 3
+    assert 'id="methods"' not in report.render(replace(FULL, methods=(None, b"")))

@@ -53,6 +53,9 @@ def changed(config, path, value):
         (("parameter_sets", "HDL-64E", "set1"), ["sa5"], "no sample 'sa5' of that scanner"),
         (("parameter_sets", "HDL-32E"), None, "no 'HDL-32E'"),
         (("tables", "2", "samples"), ["sa9"], "no sample 'sa9'"),
+        (("methods", "other"), ["sa5"], "methods.other: no sample 'sa5' of 'HDL-64E'"),
+        (("methods", "other"), ["sa4"], "of a position that is calibrated on"),
+        (("adjustment", "prior", "v_deg"), None, "adjustment.prior has no 'v_deg'"),
         (("tables", "7"), {}, "unknown key 'tables.7'"),
         (("survey",), None, "'survey' is missing"),
         (("samples",), "nowhere.tsv", "nowhere.tsv: cannot be read"),
@@ -88,7 +91,7 @@ def test_a_missing_recording_is_an_error_even_with_results(config, schemas, tmp_
     sheet.write_text(COLUMNS + "sa1\tHDL-64E\tP1\tgone.bin\tnominal\n")
     small = changed(config, ("samples",), str(sheet))
     small["parameter_sets"] = {"HDL-64E": {"set1": ["sa1"]}}
-    del small["tables"], small["figures"]
+    del small["tables"], small["figures"], small["methods"]
     with pytest.raises(ConfigError, match=r"recording of sample 'sa1': no file 'gone.bin'"):
         check_files(read_study(small, schemas, "config"), "results/simulation", "config")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from workflow.running import copy_project, snakemake
-from workflow.tiny import NEW_ROW, make_tiny
+from workflow.tiny import NEW_ROW, SECOND_POSITION, make_tiny
 
 pytestmark = pytest.mark.workflow
 
@@ -129,12 +129,20 @@ def test_root_and_workflow_plan_the_same(tmp_path):
 def test_nothing_downstream_sees_the_truth(tmp_path):
     folder = copy_project(tmp_path / "project")
     make_tiny(folder)
+    with (folder / "config/samples.tsv").open("a") as sheet:
+        sheet.write(SECOND_POSITION)
+    with (folder / "config/config.yaml").open("a") as config:
+        config.write("methods: {scanner: HDL-64E, calibration: [sa3], other: [sa1]}\n")
     done = snakemake(folder, "--dry-run", "--cores", "2")
     text = done.stdout + done.stderr
     blocks = re.findall(r"^(?:local)?rule (\w+):\n    input: (.*)$", text, flags=re.MULTILINE)
-    assert {rule for rule, inputs in blocks if "/truth/" in inputs} <= {"all", "default"}
+    # The comparison of methods tells errors against the truth; nothing is adjusted with them.
+    readers = {rule for rule, inputs in blocks if "/truth/" in inputs}
+    assert readers - {"all", "default"} == {"compare_methods"}
+    used = {rule for rule, inputs in blocks if "/methods/" in inputs}
+    assert used <= {"all", "default", "write_report"}
     seen = {rule for rule, inputs in blocks if "world.yaml" in inputs}
-    assert seen == {"simulate_recording", "simulate_factory", "simulate_survey"}
+    assert seen == {"simulate_recording", "simulate_factory", "simulate_survey", "coverage"}
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ except VelocalError as error:
     raise WorkflowError(str(error)) from None
 
 
-FIGURES = config.get("figures", {})
+FIGURES, METHODS = config.get("figures", {}), config.get("methods", {})
 
 
 def one_of(names):
@@ -103,6 +103,10 @@ def figure_files(suffixes=("svg", "png", "csv")):
     )
 
 
+def method_files(suffixes=("csv", "md", "svg", "png")):
+    return [f"{RESULTS}/methods/comparison.{s}" for s in suffixes if METHODS]
+
+
 def figure_input(wildcards):
     """Histograms read residuals of their samples, the others the statistics per laser."""
     figure = FIGURES[wildcards.figure]
@@ -130,9 +134,11 @@ def targets():
     if STUDY.surveyed:
         wanted += set_files()
         wanted += [f"{RESULTS}/statistics/{name}.csv" for name in ("lasers", "summary")]
-        wanted += table_files() + figure_files()
+        wanted += table_files() + figure_files() + method_files()
         if config.get("compare_with_paper"):
             wanted.append(f"{RESULTS}/published/agreement.csv")
+        if METHODS and WORLD:
+            wanted.append(f"{RESULTS}/methods/coverage.csv")
         if WORLD:
             wanted += [
                 f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners

@@ -80,6 +80,7 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
+        methods=method_files(["csv", "png"]),
         field=[f for f in field_files() if not f.endswith("svg")] if STUDY.field else [],
     output:
         report=f"{RESULTS}/report.html",

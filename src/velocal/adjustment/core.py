@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,19 @@ from velocal.adjustment.solvers import Solver, Step, System
 
 Array = NDArray[np.float64]
 
-#: Damping that a rejected step begins with, what it is multiplied by, and where it is given up.
-FIRST_DAMPING, DAMPING_FACTOR, LAST_DAMPING = 1e-4, 5.0, 1e8
-#: An undamped step of this relative size that lowers nothing more is a matter of rounding.
+#: Share of the expected decrease of the sum of squares below which the trust region shrinks, above
+#: which it may grow, and by how much.
+POOR, GOOD, SHRINK, GROW = 0.25, 0.75, 0.25, 2.0
+#: A trust region that has shrunk to this share of the longest step is given up.
+LAST_RADIUS = 1e-14
+#: Restricted steps are as long as the radius within this share of it.
+NEAR_RADIUS = 0.1
+#: Levenberg-Marquardt damping lies between these, in units of the largest singular value.
+LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e14
+#: An unrestricted step of this relative size that lowers nothing more is a matter of rounding.
 ROUNDING = 1e-6
+#: So many steps that do not become smaller any more show the same.
+IDLE = 3
 #: Sums of squares that differ by less, relatively, are equal.
 ROUNDING_OF_SUM = 1e-12
 
@@ -54,24 +63,37 @@ class Block:
     step : Step or None
         Last linear solution; None for a block without rows.
     basis : ndarray, shape (u, rank), or None
-        Space of the corrections, decided by the first linearisation.
-    damping : float
+        Space of the corrections, decided by the first linearisation; without priors by each.
+    scale : ndarray, shape (u,)
+        Units of the corrections in which the length of a step is measured.
+    radius : float
+        Of the trust region, in these units.
+    longest : float
+        Longest step so far, in these units.
+    plain : bool
+        Whether the last step was not restricted.
     iterations : int
     converged : bool
     message : str
         Empty while the iteration goes on.
-    last_plain : float
-        Relative size of the last undamped step.
+    shortest : float
+        Relative size of the smallest unrestricted step.
+    idle : int
+        Unrestricted steps since that one which expected nothing.
     """
 
     rows: slice
     step: Step | None = None
     basis: Array | None = None
-    damping: float = 0.0
+    scale: Array = field(default_factory=lambda: np.zeros(0))
+    radius: float = np.inf
+    longest: float = 0.0
+    plain: bool = True
     iterations: int = 0
     converged: bool = False
     message: str = ""
-    last_plain: float = np.inf
+    shortest: float = np.inf
+    idle: int = 0
 
 
 def iterate(
@@ -86,8 +108,11 @@ def iterate(
 ) -> tuple[Array, Evaluation, list[Block]]:
     """Adjust the parameters of every block until they stand still.
 
-    Plain Gauss-Newton steps while they lower the weighted sum of squares; where one does not, it
-    is damped (Levenberg-Marquardt). A step is small enough when no parameter changes by more
+    Gauss-Newton steps, restricted to a trust region by Levenberg-Marquardt damping. Its units are
+    the prior standard deviations, and it is boundless until a step fails to lower the weighted
+    sum of squares. Without any prior its units are the inverse column norms, the largest so far
+    as Moré has them, and it begins as long as the initial parameters: the only hint at how far
+    a linearisation may reach. A step is small enough when no parameter changes by more
     than `tolerance` times its size or, where that is larger, its prior standard deviation.
 
     Parameters
@@ -125,18 +150,18 @@ def iterate(
             open_.append(number)
         else:
             block.message = "no observations"
+    free = bool(np.all(np.isinf(prior_std)))
     while open_:
         trial = x.copy()
         for number in open_:
             block = blocks[number]
-            block.step = solver.step(
-                _system(here, block, prior_std, x[number] - start[number]),
-                block.basis,
-                block.damping,
-            )
+            system = _system(here, block, prior_std, x[number] - start[number])
+            _rescale(block, system, x[number], free)
+            block.step = _restricted(solver, system, block, free)
             # Were the space to change on the way, a direction at the limit could go back and
-            # forth for ever.
-            block.basis = block.step.basis
+            # forth for ever. Without a prior none is held for good: a column may vanish at the
+            # start only.
+            block.basis = None if free else block.step.basis
             block.iterations += 1
             trial[number] = x[number] + block.step.delta
         there = model(trial)
@@ -147,28 +172,40 @@ def iterate(
             size = np.maximum(np.abs(x[number]), np.where(np.isinf(prior_std), 0.0, prior_std))
             with np.errstate(divide="ignore", invalid="ignore"):
                 relative = float(np.nanmax(np.abs(block.step.delta) / size))
-            plain = block.damping == 0.0
-            if plain:
-                block.last_plain = relative
-            before = solver.objective(_system(here, block, prior_std, x[number] - start[number]))
+            system = _system(here, block, prior_std, x[number] - start[number])
             # Weights are those of the linearisation, or another sum would be compared.
             moved = Evaluation(there.w, there.matrix, here.row_std)
-            after = solver.objective(
-                _system(moved, block, prior_std, trial[number] - start[number])
-            )
-            accepted = after <= before * (1.0 + ROUNDING_OF_SUM) or (
-                plain and relative <= tolerance
-            )
+            ahead = _system(moved, block, prior_std, trial[number] - start[number])
+            with np.errstate(over="ignore", invalid="ignore"):  # a step may go anywhere
+                before, after = solver.objective(system), solver.objective(ahead)
+                expected = before - solver.objective(_moved(system, block.step.delta))
+            flat = expected <= ROUNDING_OF_SUM * before
+            small = block.plain and relative <= tolerance
+            # Small steps that become smaller go to the solution, whatever rounding does to the sum.
+            nearing = block.plain and relative < min(ROUNDING, block.shortest / 2)
+            accepted = small or nearing or after <= before * (1.0 + ROUNDING_OF_SUM)
+            accepted &= bool(np.all(np.isfinite(there.matrix[block.rows])))
+            length = _length(block.step, block)
+            block.longest = max(block.longest, length)
+            ratio = (before - after) / expected if expected > 0.0 else 0.0
+            if block.plain:
+                block.idle = block.idle + 1 if flat and relative >= block.shortest else 0
+                block.shortest = min(block.shortest, relative)
+            # Near the solution rounding alone can keep the steps from shrinking; restricting
+            # them would not help.
+            rounding = block.shortest < ROUNDING
+            if not (flat and rounding) and (not accepted or not (flat or ratio >= POOR)):
+                block.radius = SHRINK * min(block.radius, length)
+            elif not flat and ratio > GOOD and not block.plain:
+                block.radius *= GROW
             if accepted:
                 x[number] = trial[number]
-                block.damping = 0.0 if block.damping <= FIRST_DAMPING else block.damping / 10.0
-            else:
-                block.damping = max(FIRST_DAMPING, block.damping * DAMPING_FACTOR)
-            if plain and relative <= tolerance:
+            if small:
                 block.converged, block.message = True, "converged"
-            elif block.damping > LAST_DAMPING:
-                # Near the solution rounding alone can keep the sum from falling.
-                block.converged = block.last_plain < ROUNDING
+            elif rounding and block.idle >= IDLE:
+                block.converged, block.message = True, "converged to rounding"
+            elif block.radius < LAST_RADIUS * block.longest:
+                block.converged = rounding
                 block.message = (
                     "converged to rounding"
                     if block.converged
@@ -193,3 +230,42 @@ def _system(evaluation: Evaluation, block: Block, prior_std: Array, shift: Array
     return System(
         evaluation.matrix[rows], evaluation.w[rows], evaluation.row_std[rows], prior_std, shift
     )
+
+
+def _moved(system: System, delta: Array) -> System:
+    """What the linearisation expects after a step."""
+    return replace(system, w=system.w + system.matrix @ delta, shift=system.shift + delta)
+
+
+def _rescale(block: Block, system: System, x: Array, free: bool) -> None:
+    """Bring the units of the trust region up to date."""
+    if not free:
+        block.scale = np.where(np.isinf(system.prior_std), 1.0, system.prior_std)
+        return
+    norm = np.sqrt(np.sum((system.matrix / system.row_std[:, None]) ** 2, axis=0))
+    if not len(block.scale):
+        block.scale = 1.0 / np.where(norm > 0.0, norm, 1.0)
+        block.radius = float(np.linalg.norm(x / block.scale)) or np.inf
+    block.scale = np.minimum(block.scale, 1.0 / np.maximum(norm, np.finfo(float).tiny))
+
+
+def _length(step: Step, block: Block) -> float:
+    return float(np.linalg.norm(step.delta / block.scale))
+
+
+def _restricted(solver: Solver, system: System, block: Block, free: bool) -> Step:
+    """Solve the linearised system; damped where the step would leave the trust region."""
+    step = solver.step(system, block.basis)
+    block.plain = _length(step, block) <= block.radius * (1.0 + NEAR_RADIUS)
+    if block.plain:
+        return step
+    basis = np.diag(block.scale) if free else step.basis
+    low, high = np.log(LEAST_DAMPING), np.log(MOST_DAMPING)
+    while high - low > 1e-3:
+        middle = (low + high) / 2
+        step = solver.step(system, basis, float(np.exp(middle)))
+        excess = _length(step, block) / block.radius - 1.0
+        if abs(excess) <= NEAR_RADIUS:
+            break
+        low, high = (middle, high) if excess > 0.0 else (low, middle)
+    return step

@@ -84,23 +84,23 @@ def design(
         ds/d(scale) = l
     """
     theta = phi - parameters.alpha[laser_id]
-    v, hoff = parameters.v[laser_id], parameters.hoff[laser_id]
+    # Of the few lasers first, then of the many returns.
+    hoff = parameters.hoff[laser_id]
+    sine_v, cosine_v = np.sin(parameters.v)[laser_id], np.cos(parameters.v)[laser_id]
     sine, cosine = np.sin(theta), np.cos(theta)
-    along = normal[:, 0] * sine + normal[:, 1] * cosine  # n.e
-    across = -normal[:, 0] * cosine + normal[:, 1] * sine  # n.q
-    sine_v, cosine_v = np.sin(v), np.cos(v)
-    g = cosine_v * along + sine_v * normal[:, 2]
-    length = distance_m + parameters.dl[laser_id]
+    n_x, n_y, n_z = normal.T
+    along = n_x * sine + n_y * cosine  # n.e
+    across = n_y * sine - n_x * cosine  # n.q
+    inverse = 1.0 / (cosine_v * along + sine_v * n_z)  # 1 / G
     # As `misclosure`, with n.o out of the products that the derivatives need anyway.
-    n_o = hoff * across + parameters.voff[laser_id] * normal[:, 2]
-    s = length + (n_o + offset) / g
-    to_plane = length - s
+    to_plane = -(hoff * across + parameters.voff[laser_id] * n_z + offset) * inverse
+    s = distance_m + parameters.dl[laser_id] - to_plane
     # u_phi is -q cos v: the derivative of the direction by the rotational angle.
-    matrix = np.empty((len(phi), len(ADJUSTABLE)))
-    matrix[:, 0] = 1.0
-    matrix[:, 1] = -(to_plane * -across * cosine_v + hoff * along) / g
-    matrix[:, 2] = to_plane * (-sine_v * along + cosine_v * normal[:, 2]) / g
-    matrix[:, 3] = normal[:, 2] / g
-    matrix[:, 4] = across / g
-    matrix[:, 5] = distance_m
-    return s, matrix
+    matrix = np.empty((len(ADJUSTABLE), len(phi)))
+    matrix[0] = 1.0
+    matrix[1] = (to_plane * across * cosine_v - hoff * along) * inverse
+    matrix[2] = to_plane * (cosine_v * n_z - sine_v * along) * inverse
+    matrix[3] = n_z * inverse
+    matrix[4] = across * inverse
+    matrix[5] = distance_m
+    return s, matrix.T

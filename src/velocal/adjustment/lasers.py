@@ -154,14 +154,31 @@ def adjust_all(
     by_alpha = ADJUSTABLE.index("alpha")
     prior_std = np.array([stochastic.prior_std[name] for name in names])
 
-    def model(x: Array) -> Evaluation:
+    sizes = np.bincount(data.laser_id, minlength=len(initial))
+    kept: list[tuple[Array, Evaluation]] = []
+
+    def evaluate(data: Observations, x: Array) -> Evaluation:
         s, matrix = data.design(*split(x, names, initial))
         return Evaluation(s, matrix[:, columns], stochastic.row_std(matrix[:, by_alpha]))
+
+    def model(x: Array) -> Evaluation:
+        """Evaluate anew only the lasers whose parameters have changed since the last time."""
+        changed = np.any(x != kept[0][0], axis=1) if kept else np.ones(len(x), dtype=bool)
+        if changed[sizes > 0].all():
+            found = evaluate(data, x)
+        else:
+            rows, last = np.flatnonzero(np.repeat(changed, sizes)), kept[0][1]
+            part = evaluate(data.take(rows), x)
+            found = Evaluation(last.w.copy(), last.matrix.copy(), last.row_std.copy())
+            found.w[rows], found.row_std[rows] = part.w, part.row_std
+            found.matrix[rows] = part.matrix
+        kept[:] = [(x.copy(), found)]
+        return found
 
     x, final, blocks = iterate(
         model,
         np.zeros((len(initial), len(names))),
-        np.bincount(data.laser_id, minlength=len(initial)).tolist(),
+        sizes.tolist(),
         solver,
         prior_std,
         max_iterations=max_iterations,
@@ -172,6 +189,17 @@ def adjust_all(
     length = data._scaled(scale) + parameters.dl[data.laser_id] - final.w
     point = origin + length[:, None] * direction
     towards = np.einsum("ni,ni->n", direction, data.normal)
+    by = nuisance.derivatives(
+        stochastic,
+        point=point,
+        normal=data.normal,
+        towards=towards,
+        distance_m=data.distance_m,
+        phi=data.phi,
+        laser_id=data.laser_id,
+        station=data.station_number,
+        plane=data.plane_number,
+    )
     results = []
     for laser, block in enumerate(blocks):
         rows = block.rows
@@ -180,14 +208,13 @@ def adjust_all(
             continue
         results.append(
             _quality(
-                data.take(np.arange(rows.start, rows.stop)),
+                data.phi[rows],
                 names,
                 x[laser],
                 block,
                 Evaluation(final.w[rows], final.matrix[rows], final.row_std[rows]),
                 stochastic,
-                point[rows],
-                towards[rows],
+                by.of(rows),
             )
         )
     return results
@@ -206,14 +233,13 @@ def adjust_laser(
 
 
 def _quality(
-    own: Observations,
+    phi: Array,
     names: Sequence[str],
     corrections: Array,
     block: Block,
     final: Evaluation,
     stochastic: Stochastic,
-    point: Array,
-    towards: Array,
+    by: nuisance.Derivatives,
 ) -> Adjustment:
     """Result of one laser with all its quality."""
     step = block.step
@@ -222,28 +248,19 @@ def _quality(
     redundancy = n - step.rank
     squares = float(np.sum((residuals / final.row_std) ** 2))
     factor = squares / redundancy if redundancy > 0 else float("nan")
-    station, plane = own.station_number, own.plane_number
     if stochastic.block_rad is None or redundancy <= 0:
         known = factor if redundancy > 0 else 1.0
         noise = quality.independent_covariance(step, final.row_std, known)
-        freedom = max(redundancy, 1)
+        freedom = np.full(len(names), float(max(redundancy, 1)))
     else:
-        group = station * (int(plane.max()) + 1) + plane
-        blocks = block_numbers(own.phi, group, stochastic.block_rad)
-        noise, freedom = quality.block_covariance(step, residuals, blocks)
+        group = by.station * (int(by.number.max()) + 1) + by.number
+        blocks = block_numbers(phi, group, stochastic.block_rad)
+        noise, freedom = quality.block_covariance(
+            step, residuals, blocks, final.matrix, final.row_std
+        )
     parts = {"noise": noise, "prior": step.prior_part}
     parts |= dict(
-        nuisance.contributions(
-            step.gain,
-            stochastic,
-            point=point,
-            normal=own.normal,
-            towards=towards,
-            distance_m=own.distance_m,
-            station=station,
-            plane=plane,
-            scale_adjusted="scale" in names,
-        )
+        nuisance.contributions(step.gain, stochastic, by, scale_adjusted="scale" in names)
     )
     held = quality.held(names, step)
     combinations = quality.open_combinations(names, step)
@@ -255,7 +272,7 @@ def _quality(
         names=tuple(names),
         corrections=corrections,
         parts=parts,
-        freedom=float(freedom),
+        freedom=freedom,
         rank=step.rank,
         held=held,
         open_combinations=combinations,
@@ -281,7 +298,7 @@ def _unobserved(names: Sequence[str], prior_std: Array) -> Adjustment:
         names=tuple(names),
         corrections=np.zeros(u),
         parts={"noise": zero, "prior": np.diag(prior_std**2)},
-        freedom=1.0,
+        freedom=np.ones(u),
         rank=0,
         held=tuple(names),
         open_combinations=tuple(names),

@@ -7,6 +7,7 @@ reach the parameters through the gain of the adjustment ("consider parameters").
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,10 @@ from numpy.typing import NDArray
 from velocal.adjustment.stochastic import Stochastic
 
 Array = NDArray[np.float64]
+
+#: Deviations of a surface from its plane are alike over this length, metres: the integral of
+#: their correlation along a line, for waves of 0.7 to 2.5 m in all directions.
+FLATNESS_LENGTH_M = 0.5
 
 
 def by_pose(point: Array, normal: Array, towards: Array, translation: Array) -> Array:
@@ -27,7 +32,7 @@ def by_pose(point: Array, normal: Array, towards: Array, translation: Array) -> 
         Unit normal of the plane.
     towards : ndarray, shape (n,)
         ``n . u``.
-    translation : ndarray, shape (3,)
+    translation : ndarray, shape (3,) or (n, 3)
         Of the transformation.
 
     Notes
@@ -35,8 +40,14 @@ def by_pose(point: Array, normal: Array, towards: Array, translation: Array) -> 
     The plane moves with the pose: dn = w x n, dd = -(w x n) . t - n . dt, and
     ds = (Q . dn + dd) / (n . u) with Q on the plane.
     """
-    turned = np.cross(normal, point - translation)
-    return np.concatenate([turned, -normal], axis=1) / towards[:, None]
+    arm = (point - translation).T
+    n = normal.T
+    turned = [
+        n[1] * arm[2] - n[2] * arm[1],
+        n[2] * arm[0] - n[0] * arm[2],
+        n[0] * arm[1] - n[1] * arm[0],
+    ]
+    return np.stack([*turned, *-n], axis=1) / towards[:, None]
 
 
 def by_plane(point: Array, towards: Array) -> Array:
@@ -44,17 +55,100 @@ def by_plane(point: Array, towards: Array) -> Array:
     return np.column_stack([point, np.ones(len(point))]) / towards[:, None]
 
 
-def contributions(
-    gain: Array,
+@dataclass(frozen=True)
+class Derivatives:
+    """Derivatives of misclosures by what is not adjusted.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (n, 6)
+        See `by_pose`.
+    plane : ndarray, shape (n, 4)
+        See `by_plane`.
+    offset : ndarray, shape (n,)
+        By a deviation of the surface from its plane, times its standard deviation.
+    stretch : ndarray, shape (n,)
+        By a range scale: the raw distance.
+    cell : ndarray of int, shape (n,)
+        Rows of one number meet the surface near each other; never falling.
+    station, number : ndarray of int, shape (n,)
+        Station of every row, and its plane among those of the station.
+    """
+
+    pose: Array
+    plane: Array
+    offset: Array
+    stretch: Array
+    cell: NDArray[np.int64]
+    station: NDArray[np.integer]
+    number: NDArray[np.integer]
+
+    def of(self, rows: slice) -> Derivatives:
+        """Those of some rows."""
+        return Derivatives(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def derivatives(
     stochastic: Stochastic,
     *,
     point: Array,
     normal: Array,
     towards: Array,
     distance_m: Array,
+    phi: Array,
+    laser_id: NDArray[np.integer],
     station: NDArray[np.integer],
     plane: NDArray[np.integer],
-    scale_adjusted: bool,
+) -> Derivatives:
+    """Derivatives for rows that are sorted by laser and rotational angle.
+
+    Parameters
+    ----------
+    stochastic : Stochastic
+        Sizes of the sources.
+    point, normal, towards : ndarray
+        Of every row; see `by_pose`.
+    distance_m, phi, laser_id : ndarray, shape (n,)
+        Raw distance, rotational angle and laser of every row.
+    station, plane : ndarray of int, shape (n,)
+        Station of every row, and its plane among those of the station.
+    """
+    n, flatness = len(point), np.zeros(len(point))
+    translation: Array = np.zeros(3)
+    if stochastic.survey:
+        translation = np.stack([survey.translation for survey in stochastic.survey])[station]
+        for index, survey in enumerate(stochastic.survey):
+            own = station == index
+            flatness[own] = survey.flatness_m[plane[own]]
+    # Pieces of the trace of a laser on a plane.
+    path = np.zeros(n)
+    path[1:] = np.cumsum(np.sqrt(np.sum(np.diff(point, axis=0) ** 2, axis=1)))
+    changes = np.zeros(n, dtype=bool)
+    for key in (laser_id, station, plane, (path / FLATNESS_LENGTH_M).astype(np.int64)):
+        changes[1:] |= key[1:] != key[:-1]
+    cell = np.cumsum(changes)
+    if stochastic.block_rad is not None:
+        # The noise has what is alike within its blocks already: of a cell that n blocks share
+        # equally, 1 - 1 / n of the variance is left.
+        block = np.floor(phi / stochastic.block_rad)
+        changes[1:] |= block[1:] != block[:-1]
+        piece = np.cumsum(changes)
+        rows = np.bincount(piece)
+        within = np.bincount(cell, rows[piece]) / np.bincount(cell) ** 2
+        flatness *= np.sqrt(1.0 - within)[cell]
+    return Derivatives(
+        by_pose(point, normal, towards, translation),
+        by_plane(point, towards),
+        flatness / towards,
+        distance_m,
+        cell,
+        station,
+        plane,
+    )
+
+
+def contributions(
+    gain: Array, stochastic: Stochastic, by: Derivatives, *, scale_adjusted: bool
 ) -> Iterator[tuple[str, Array]]:
     """Name and covariance of what each source adds to the parameters of a laser.
 
@@ -64,32 +158,29 @@ def contributions(
         Answer of the parameters to the misclosures (`Step.gain`).
     stochastic : Stochastic
         Sizes of the sources.
-    point, normal, towards, distance_m : ndarray
-        Of every row; see `by_pose`.
-    station, plane : ndarray of int, shape (n,)
-        Station of every row, and its plane among those of the station.
+    by : Derivatives
+        Of the rows of the laser.
     scale_adjusted : bool
         Whether the range scale is a parameter, and so no nuisance.
     """
     u = len(gain)
-    pose, planes = np.zeros((u, u)), np.zeros((u, u))
-    for number, survey in enumerate(stochastic.survey):
-        rows = station == number
-        moved = gain[:, rows] @ by_pose(
-            point[rows], normal[rows], towards[rows], survey.translation
-        )
+    pose, planes, shifted = np.zeros((3, u, u))
+    stations = range(int(by.station.max()) + 1)
+    of_station = [gain * (by.station == number) for number in stations]
+    for number, survey in zip(stations, stochastic.survey, strict=False):
+        moved = of_station[number] @ by.pose
         pose += moved @ survey.pose @ moved.T
         for index, covariance in enumerate(survey.planes):
-            own = rows & (plane == index)
-            bent = gain[:, own] @ by_plane(point[own], towards[own])
+            bent = (of_station[number] * (by.number == index)) @ by.plane
             planes += bent @ covariance @ bent.T
     yield "pose", pose
     yield "planes", planes
+    uneven = np.add.reduceat(gain * by.offset, np.flatnonzero(np.diff(by.cell, prepend=-1)), axis=1)
+    yield "flatness", uneven @ uneven.T
     if not scale_adjusted:
-        stretched = gain @ distance_m * stochastic.range_scale
+        stretched = gain @ by.stretch * stochastic.range_scale
         yield "range_scale", np.outer(stretched, stretched)
-    shifted = np.zeros((u, u))
-    for number in np.unique(station):
-        moved = gain @ (station == number) * stochastic.repeatability_m
+    for own in of_station:
+        moved = own.sum(axis=1) * stochastic.repeatability_m
         shifted += np.outer(moved, moved)
     yield "repeatability", shifted

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
+#: Degrees of freedom at which Student's distribution is the normal one.
+_NORMAL = 1e9
 
 
 @dataclass(frozen=True)
@@ -24,9 +26,10 @@ class Adjustment:
         To be added to the initial parameters; metres and radians.
     parts : mapping of str to ndarray, shape (u, u)
         Covariance of the corrections by source: ``noise`` of the observations, ``prior`` (what
-        the data leave to it), ``pose``, ``planes``, ``range_scale``, ``repeatability``.
-    freedom : float
-        Degrees of freedom of the noise part.
+        the data leave to it), ``pose``, ``planes``, ``flatness``, ``range_scale``,
+        ``repeatability``.
+    freedom : ndarray, shape (u,)
+        Degrees of freedom of the variance of each parameter in the noise part.
     rank : int
         Number of combinations of parameters that the data determine.
     held : tuple of str
@@ -59,7 +62,7 @@ class Adjustment:
     names: tuple[str, ...]
     corrections: Array
     parts: Mapping[str, Array]
-    freedom: float
+    freedom: Array
     rank: int
     held: tuple[str, ...]
     open_combinations: tuple[str, ...]
@@ -106,6 +109,6 @@ class Adjustment:
         noise = np.diag(self.parts["noise"])
         total = np.diag(self.covariance)
         with np.errstate(invalid="ignore", divide="ignore"):
-            freedom = np.where(noise > 0, self.freedom * (total / noise) ** 2, np.inf)
-        quantile = t.ppf(0.5 + level / 2.0, np.maximum(freedom, 1.0))
+            freedom = np.where(noise > 0, self.freedom * (total / noise) ** 2, _NORMAL)
+        quantile = stdtrit(np.clip(freedom, 1.0, _NORMAL), 0.5 + level / 2.0)
         return np.asarray(quantile * self.std)

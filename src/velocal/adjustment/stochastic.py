@@ -23,11 +23,14 @@ class SurveyUncertainty:
         Covariance of its rotation vector and translation (rad, m).
     planes : ndarray, shape (k, 4, 4)
         Covariance of normal and offset of every plane from its targets, without the pose.
+    flatness_m : ndarray, shape (k,)
+        Standard deviation of the surface of every plane about it, metres.
     """
 
     translation: Array
     pose: Array
     planes: Array
+    flatness_m: Array
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Stochastic:
 
     def row_std(self, by_phi: Array) -> Array:
         """Standard deviation of misclosures with derivative `by_phi` by the rotational angle."""
-        return np.hypot(self.noise_std_m, by_phi * self.angle_std_rad)
+        return np.sqrt(self.noise_std_m**2 + (by_phi * self.angle_std_rad) ** 2)
 
 
 def block_numbers(phi: Array, group: NDArray[np.integer], width: float) -> NDArray[np.int64]:

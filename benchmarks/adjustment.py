@@ -1,0 +1,68 @@
+"""Time of the adjustment of all lasers of a window against reading the window's files.
+
+Usage: python benchmarks/adjustment.py [results] [sample] [window]
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import yaml
+
+from velocal import schemas, storage
+from velocal.adjustment import settings
+from velocal.adjustment.lasers import adjust_all
+from velocal.simulation import truth, world
+from velocal.station import observations, patches_of, uncertainty_of
+
+ROOT = Path(__file__).parents[1]
+
+
+def main(results: Path, sample: str, window: str, position: str = "P2") -> None:
+    """Print best times of several rounds, in turn, and their ratios."""
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())["adjustment"]
+    simulated = world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text()))
+    factory = truth.factory_parameters(simulated, "HDL-64E")
+    station = storage.read_json(results / f"survey/{position}.json")
+
+    def read(kind: str, schema: object) -> Callable[[], object]:
+        path = results / kind / sample / f"{window}.parquet"
+        return lambda: storage.read_table(path, schema)
+
+    columns, _ = storage.read_table(
+        results / f"assigned/{sample}/{window}.parquet", schemas.ASSIGNED
+    )
+    data = observations(columns, patches_of(station))
+
+    def adjust(method: str) -> Callable[[], object]:
+        chosen = config | {"method": method}
+        model = settings.stochastic(chosen, [uncertainty_of(station)])
+        names, solver = chosen["parameters"], settings.solver(chosen)
+        return lambda: adjust_all(data, factory, names, solver, model)
+
+    work = {
+        "read returns": read("returns", schemas.RETURNS),
+        "read medians": read("medians", schemas.MEDIANS),
+        "read assigned": read("assigned", schemas.ASSIGNED),
+        "adjust, prior": adjust("prior"),
+        "adjust, paper": adjust("paper"),
+    }
+    best = dict.fromkeys(work, float("inf"))
+    for _ in range(7):
+        for name, task in work.items():
+            start = time.perf_counter()
+            task()
+            best[name] = min(best[name], time.perf_counter() - start)
+    print(f"{len(data.phi)} medians of {sample}, {window}")
+    for name, took in best.items():
+        print(f"{name:14} {took:8.4f} s   {took / best['read returns']:6.3f} of reading returns")
+
+
+if __name__ == "__main__":
+    arguments = sys.argv[1:]
+    main(
+        Path(arguments[0]) if arguments else ROOT / "results",
+        arguments[1] if len(arguments) > 1 else "sa4",
+        arguments[2] if len(arguments) > 2 else "middle",
+    )

@@ -1,0 +1,59 @@
+"""Methods of adjustment side by side, on calibration data, another position and the truth."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from velocal import comparison, figures, methods, schemas, storage
+from velocal.adjustment import settings
+from velocal.calibration_files import formats
+from velocal.errors import reported
+from velocal.sensors import scanner_named
+from velocal.station import observations, patches_of
+
+
+def main(
+    assigned: list[Path],
+    surveys: list[Path],
+    calibration: Path | None,
+    truth: Path | None,
+    outputs: Mapping[str, Path],
+    *,
+    samples: Mapping[str, Mapping[str, str]],
+    scanner: str,
+    adjustment: Mapping[str, Any],
+    sigma_cm: float,
+    simulated: bool,
+) -> None:
+    """Write the comparison; `samples` has the positions of those to calibrate on and others."""
+    patches = {path.stem: patches_of(storage.read_json(path)) for path in surveys}
+
+    def windows(sample: str, position: str) -> methods.SampleData:
+        tables = (
+            storage.read_table(p, schemas.ASSIGNED) for p in assigned if p.parts[-2] == sample
+        )
+        return methods.SampleData(position, [observations(t, patches[position]) for t, _ in tables])
+
+    both = [[windows(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
+    factory = formats.read_or_nominal(calibration, scanner_named(scanner))
+    true = formats.read(truth, len(factory)) if truth else None
+    stochastic = settings.stochastic(adjustment)
+    numbers = pd.DataFrame(methods.compare(*both, factory, stochastic, sigma_cm * 1e-2, true))
+    storage.write_csv(outputs["csv"], numbers, digits=5)
+    text = comparison.markdown(numbers, scanner, simulated=simulated)
+    storage.write_text(outputs["md"], text)
+    figure = comparison.draw(numbers, scanner, simulated=simulated)
+    figures.save(figure, outputs["svg"], outputs["png"])
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        found = snakemake.input
+        main(
+            *([Path(path) for path in files] for files in (found.assigned, found.surveys)),
+            *(Path(path) if path else None for path in (found.calibration, found.truth)),
+            {name: Path(path) for name, path in snakemake.output.items()},
+            **{k: v for k, v in snakemake.params.items() if k != "library"},
+        )

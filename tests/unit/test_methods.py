@@ -1,0 +1,255 @@
+"""Methods of adjustment side by side: every arm runs, joint planes, table, figure and files."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from compare_methods import main
+
+from velocal import comparison, methods, schemas, storage
+from velocal.adjustment.joint import adjust_joint
+from velocal.adjustment.lasers import Observations, joined
+from velocal.adjustment.stochastic import Stochastic
+from velocal.errors import VelocalError
+from velocal.parameters import ParameterSet
+from velocal.sensors import SCANNERS
+
+N = 6
+PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
+STOCHASTIC = Stochastic(0.01, PRIOR)
+FACTORY = ParameterSet(
+    dl=np.full(N, 0.1),
+    alpha=np.linspace(-0.06, 0.06, N),
+    v=np.linspace(-0.42, 0.02, N),
+    voff=np.full(N, 0.2),
+    hoff=np.linspace(-0.02, 0.02, N),
+)
+RNG = np.random.default_rng(3)
+#: Its mean over the lasers is the datum of planes that nobody surveyed.
+TURN = RNG.normal(0.0, 1e-3, N)
+TRUE = FACTORY.corrected(
+    {"dl": RNG.normal(0.01, 0.02, N), "alpha": TURN - TURN.mean(), "v": RNG.normal(0.0, 1e-3, N)}
+)
+NAMES = ("short", "long", "floor")
+
+
+def position(heading, distances, tilt=0.0, points=240):
+    """Distances to two walls at a right angle, above a floor, without noise."""
+    c, s = np.cos(heading), np.sin(heading)
+    normals = np.array([[c, s, tilt], [-s, c, -tilt], [tilt, tilt, -1.0]])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    phi = np.linspace(-np.pi, np.pi, points, endpoint=False)
+    laser = np.repeat(np.arange(N), points)
+    angle = np.tile(phi, N)
+    reach = []
+    for normal, distance in zip(normals, distances, strict=True):
+        flat = Observations(
+            np.zeros(len(angle)), angle, laser, np.tile(normal, (len(angle), 1)),
+            np.full(len(angle), -distance),
+        )  # fmt: skip
+        reach.append(-flat.misclosure(TRUE))
+    ranges = np.where(np.array(reach) > 0.5, reach, np.inf)
+    plane = np.argmin(ranges, axis=0)
+    hit = np.min(ranges, axis=0) < 12.0
+    return Observations(
+        np.min(ranges, axis=0), angle, laser, normals[plane], -np.asarray(distances)[plane], plane
+    ).take(hit)
+
+
+def samples(noise, count=1):
+    rng = np.random.default_rng(8)
+
+    def noisy(data):
+        return replace(data, distance_m=data.distance_m + rng.normal(0.0, noise, len(data.phi)))
+
+    first, second = position(0.4, (2.0, 3.0, 0.8)), position(-0.5, (3.5, 1.5, 0.8), 0.006)
+    return tuple(
+        [methods.SampleData(name, [noisy(data) for _ in range(2)]) for _ in range(count)]
+        for name, data in (("P2", first), ("P1", second))
+    )
+
+
+@pytest.mark.parametrize("arm", methods.ARMS, ids=lambda arm: arm.key)
+def test_every_arm_runs(arm):
+    calibration, other = samples(0.003, 2)
+    estimate = methods.run_arm(arm, calibration, other, FACTORY, STOCHASTIC)
+    row = methods.evaluate(arm, estimate, calibration, other, 0.02, TRUE)
+    before = methods.evaluate(arm, methods.Estimate(FACTORY), calibration, other, 0.02, TRUE)
+    assert row["other_seen"] == arm.joint
+    if arm.key != "factory":
+        assert row["calibration_walls_std_cm"] < before["calibration_walls_std_cm"]
+    if arm.key in ("dl", "prior", "huber", "prior_joint", "planes_unknown"):
+        assert row["other_std_cm"] < 0.8 * before["other_std_cm"]
+        assert row["dl_error_cm"] < 0.5 * before["dl_error_cm"]
+    untouched = {"alpha", "v"} - set(arm.parameters)
+    for name in untouched:
+        assert np.array_equal(getattr(estimate.parameters, name), getattr(FACTORY, name))
+    # Numbers without truth are the same, and no more.
+    blind = methods.evaluate(arm, estimate, calibration, other, 0.02)
+    assert blind.items() <= row.items()
+    assert not any("error" in name for name in blind)
+
+
+def test_windows_of_joint_samples_must_match():
+    calibration, other = samples(0.003)
+    arm = next(arm for arm in methods.ARMS if arm.key == "prior_joint")
+    short = [replace(other[0], windows=other[0].windows[:1])]
+    with pytest.raises(VelocalError, match="windows per sample"):
+        methods.run_arm(arm, calibration, short, FACTORY, STOCHASTIC)
+
+
+def tilted(normal, distance):
+    """A wall seen all around by all lasers, as far as it lies ahead."""
+    unit = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
+    centre = np.arctan2(unit[0], unit[1])
+    angle = np.tile(np.linspace(centre - 1.0, centre + 1.0, 80), N)
+    laser = np.repeat(np.arange(N), 80)
+    return angle, laser, np.tile(unit, (len(angle), 1)), np.full(len(angle), -float(distance))
+
+
+def free_field(scale):
+    """Planes of many directions and distances, so that v and scale part ways."""
+    planes = [
+        ((0, 1, 0.5), 3), ((1, 0.3, 0), 5), ((-1, 0.2, -0.6), 4), ((0.3, -1, 0.3), 8),
+        ((0.2, 1, -0.7), 2), ((-0.6, -1, 0), 2.5),
+    ]  # fmt: skip
+    parts = []
+    for number, plane in enumerate(planes):
+        angle, laser, normal, offset = tilted(*plane)
+        empty = Observations(np.zeros(len(angle)), angle, laser, normal, offset)
+        distance = -empty.misclosure(TRUE) / (1.0 + scale[laser])
+        parts.append(replace(empty, distance_m=distance, plane=np.full(len(angle), number)))
+    return joined(parts)
+
+
+def test_unknown_planes_and_lasers_come_back_up_to_the_datum():
+    scale = np.random.default_rng(9).normal(0.0, 1e-3, N)
+    scale -= scale.mean()
+    true = free_field(scale)
+    group = true.station_number
+    # The planes start turned and moved; only the observations know where they are.
+    start = true.normal + np.array([0.01, -0.008, 0.006])
+    wrong = replace(
+        true, normal=start / np.linalg.norm(start, axis=1)[:, None], offset=true.offset + 0.02
+    )
+    names = ("dl", "alpha", "v", "scale")
+    tight = replace(STOCHASTIC, noise_std_m=1e-6)
+    result = adjust_joint(wrong, group, FACTORY, names, tight)
+    assert result.converged
+    assert result.rank == result.unknowns == 4 * N + 3 * 6
+    for column, expected in enumerate(
+        (*(getattr(TRUE, n) - getattr(FACTORY, n) for n in names[:3]), scale)
+    ):
+        np.testing.assert_allclose(result.corrections[:, column], expected, atol=1e-8)
+    first = np.unique(group, return_index=True)[1]
+    np.testing.assert_allclose(result.normal, true.normal[first], atol=1e-8)
+    np.testing.assert_allclose(result.offset, true.offset[first], atol=1e-7)
+
+
+def test_a_common_turn_is_the_datum():
+    turned = free_field(np.zeros(N))
+    turned = replace(turned, phi=turned.phi + 0.01)
+    tight = replace(STOCHASTIC, noise_std_m=1e-6)
+    result = adjust_joint(turned, turned.station_number, FACTORY, ("dl", "alpha", "v"), tight)
+    # All planes turn; the mean of alpha stays.
+    np.testing.assert_allclose(result.corrections[:, 1], TRUE.alpha - FACTORY.alpha, atol=1e-8)
+    np.testing.assert_allclose(
+        np.arctan2(result.normal[0, 0], result.normal[0, 1]), 0.01, atol=1e-8
+    )
+
+
+def test_vertical_walls_alone_hold_what_they_cannot_tell():
+    calibration, _ = samples(0.003)
+    data = calibration[0].windows[0]
+    walls = data.take(data.plane_number < 2)
+    names = ("dl", "alpha", "v", "scale")
+    result = adjust_joint(walls, walls.plane_number, FACTORY, names, STOCHASTIC)
+    assert result.rank < result.unknowns
+    assert np.max(np.abs(result.corrections[:, 2])) < 0.02
+    with pytest.raises(VelocalError, match="no observations"):
+        adjust_joint(
+            walls.take(walls.plane_number > 5), np.empty(0, int), FACTORY, names, STOCHASTIC
+        )
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    calibration, other = samples(0.003)
+    return pd.DataFrame(methods.compare(calibration, other, FACTORY, STOCHASTIC, 0.02, TRUE))
+
+
+def test_table_and_verdict(numbers):
+    text = comparison.markdown(numbers, "HDL-64E", simulated=True)
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(lines) == 2 + len(methods.ARMS)
+    assert len({line.count("|") for line in lines}) == 1
+    assert "simulated" in text
+    joint = next(line for line in lines if "positions jointly" in line)
+    assert len(re.findall(r"\d\*", joint)) == 3
+    worse = numbers.copy()
+    worse.loc[worse["arm"] == "prior", "calibration_walls_std_cm"] *= 2.0
+    worse.loc[worse["arm"] == "prior", "other_walls_std_cm"] *= 9.0
+    assert "NOT better there and worse here by more than 2 %" in comparison.verdict(worse)[0]
+    blind = numbers.drop(columns=[*numbers.filter(like="error"), "v_far_off"])
+    assert len(comparison.verdict(blind)) == 1
+    assert (
+        "Error" not in comparison.markdown(blind, "HDL-64E", simulated=False).split("Standard")[0]
+    )
+    assert len(comparison.draw(blind, "HDL-64E", simulated=False).axes) == 2
+    assert comparison.section(None, b"") is None
+
+
+def test_figure_writes_what_is_too_far_to_draw(numbers):
+    far = numbers.copy()
+    far.loc[far["arm"] == "paper", "other_std_cm"] = 1234.0
+    figure = comparison.draw(far, "HDL-64E", simulated=True)
+    assert len(figure.axes) == 5
+    assert any("1234" in text.get_text() for text in figure.axes[1].texts)
+    assert figure.axes[1].get_xlim()[1] < 100.0
+
+
+def test_script_writes_the_same_bytes_twice(tmp_path):
+    assigned = []
+    scanner = SCANNERS["VLP-16"]
+    for name, data in (("a", position(0.4, (2.0, 3.0, 0.8))), ("b", position(0.0, (3, 2, 0.8)))):
+        path = tmp_path / name / "middle.parquet"
+        path.parent.mkdir()
+        columns = {
+            "laser_id": data.laser_id.astype(np.uint8), "plane": data.plane.astype(np.uint8),
+            "phi_rad": data.phi, "distance_m": data.distance_m,
+        }  # fmt: skip
+        storage.write_table(path, schemas.ASSIGNED, columns)
+        assigned.append(path)
+        first = np.unique(data.plane, return_index=True)[1]
+        planes = [
+            {
+                "name": NAMES[k], "normal": data.normal[row], "offset_m": data.offset[row],
+                "covariance": np.zeros((4, 4)), "corners_m": np.zeros((4, 3)),
+            }
+            for k, row in enumerate(first)
+        ]  # fmt: skip
+        storage.write_json(tmp_path / f"{name.upper()}.json", {"planes": planes})
+    adjustment = {"noise_cm": 1.0, "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
+    seen = []
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        outputs = {k: tmp_path / folder / f"comparison.{k}" for k in ("csv", "md", "svg", "png")}
+        main(
+            assigned,
+            [tmp_path / "A.json", tmp_path / "B.json"],
+            None,
+            None,
+            outputs,
+            samples={"calibration": {"a": "A"}, "other": {"b": "B"}},
+            scanner=scanner.name,
+            adjustment=adjustment,
+            sigma_cm=2.0,
+            simulated=False,
+        )
+        seen.append([path.read_bytes() for path in outputs.values()])
+    assert seen[0] == seen[1]
+    table = storage.read_csv(tmp_path / "one/comparison.csv")
+    assert list(table["arm"]) == [arm.key for arm in methods.ARMS]
+    assert "v_error_deg" not in table

@@ -1,0 +1,75 @@
+# Methods of adjustment side by side: those of the literature, the paper's, and ours.
+#
+# in:   assigned medians of all windows of the samples of `methods`, the surveys of their positions,
+#       the factory's calibration; the truth, if the world is simulated: errors against it are
+#       what the comparison is for, and nothing else reads it
+# out:  {results}/methods/comparison.{csv,md}    residuals on calibration data and on another
+#                                                position, errors of the parameters, per method
+#       {results}/methods/comparison.{svg,png}   the same as a picture
+#       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
+#                                                intervals cover the truth (Monte Carlo)
+
+
+rule compare_methods:
+    input:
+        assigned=per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+            [*METHODS.get("calibration", []), *METHODS.get("other", [])],
+        ),
+        surveys=[
+            f"{RESULTS}/survey/{position}.json"
+            for position, scanner in STUDY.positions.items()
+            if METHODS and scanner == METHODS["scanner"]
+        ],
+        calibration=[
+            path
+            for name, path in STUDY.factories.items()
+            if METHODS.get("scanner") == name and path != "nominal"
+        ],
+        truth=(
+            f"{RESULTS}/simulation/truth/{METHODS['scanner']}.csv"
+            if METHODS and WORLD
+            else []
+        ),
+    output:
+        csv=f"{RESULTS}/methods/comparison.csv",
+        md=f"{RESULTS}/methods/comparison.md",
+        svg=f"{RESULTS}/methods/comparison.svg",
+        png=f"{RESULTS}/methods/comparison.png",
+    log:
+        f"{RESULTS}/logs/compare_methods.log",
+    conda:
+        "../../environment.yml"
+    params:
+        samples={
+            kind: {
+                name: STUDY.samples[name].position for name in METHODS.get(kind, [])
+            }
+            for kind in ("calibration", "other")
+        },
+        scanner=METHODS.get("scanner"),
+        adjustment=config.get("adjustment"),
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+        library=library("compare_methods"),
+    script:
+        "../../scripts/compare_methods.py"
+
+
+if WORLD:
+
+    rule coverage:
+        input:
+            world=WORLD,
+        output:
+            coverage=f"{RESULTS}/methods/coverage.csv",
+        log:
+            f"{RESULTS}/logs/coverage.log",
+        conda:
+            "../../environment.yml"
+        params:
+            adjustment=config.get("adjustment"),
+            runs=METHODS.get("runs", 500),
+            library=library("coverage"),
+        script:
+            "../../scripts/coverage.py"

@@ -16,38 +16,39 @@ from velocal.simulation.draws import full_draws, geometry, white_draws
 from velocal.study import read_yaml
 
 #: Scanner: position, and of how many lasers one is simulated.
-STATIONS = {"HDL-64E": ("P2", 5), "HDL-32E": ("P5", 3)}
+STATIONS = {"HDL-64E": ("P2", 9), "HDL-32E": ("P5", 5)}
 
 
 def main(
     world_file: Path,
     coverage: Path,
     *,
-    adjustment: Mapping[str, Any],
+    adjustment: Mapping[str, Mapping[str, Any]],
     runs: int = 500,
     seed: int = 1,
 ) -> None:
     """Write errors, stated standard deviations and coverage by case, scanner and parameter."""
-    simulated, names = world.load(read_yaml(world_file)), tuple(adjustment["parameters"])
-    config = settings.stochastic(adjustment)
-    white, rows = white_only(config), []
+    simulated, rows = world.load(read_yaml(world_file)), []
     for scanner, (position, every) in STATIONS.items():
+        if scanner not in adjustment:
+            continue
+        names = tuple(adjustment[scanner]["parameters"])
+        config = settings.stochastic(adjustment[scanner])
+        white = white_only(config)
         at = geometry(simulated, scanner, position, every=every)
         # v cannot be told from dl by most lasers; the bound without it stands for them.
         for some in (names, tuple(name for name in names if name != "v")):
             seen = observable_only(at, white, some)
             bound = cramer_rao(seen, white, some)
-            draws = list(white_draws(seen, white, some, 2 * runs, seed))
-            for method, solver, n in (("gauss_helmert", GaussHelmert(), 2 * runs),
-                                      ("paper", PaperModel(None), runs // 2)):  # fmt: skip
-                found = summary(outcome(draws[:n], seen, some, solver, white), bound)
-                case = {"case": f"white: {' '.join(some)}", "scanner": scanner, "method": method}
-                rows += [case | row for row in found]
+            draws = white_draws(seen, white, some, 2 * runs, seed)
+            found = summary(outcome(draws, seen, some, GaussHelmert(), white), bound)
+            case = {"case": f"white: {' '.join(some)}", "scanner": scanner}
+            rows += [case | {"method": "gauss_helmert"} | row for row in found]
         draws = list(full_draws(at, config, names, runs, seed))
         for kind, model, method, solver, n in (
             ("unit", of_unit(config, at.errors), "prior", WithPrior(), runs),
-            ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 2),
-            ("configured", config, "prior", WithPrior(), runs // 2),
+            ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 4),
+            ("configured", config, "prior", WithPrior(), runs // 4),
         ):
             case = {"case": f"full: sizes {kind}", "scanner": scanner, "method": method}
             rows += [case | row for row in summary(outcome(draws[:n], at, names, solver, model))]

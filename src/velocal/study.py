@@ -81,6 +81,12 @@ class Study:
         """Scanner of every surveyed position."""
         return {s.position: s.scanner for s in self.surveyed.values() if s.position}
 
+    def adjustment(self, scanner: str | None) -> dict[str, Any]:
+        """Key `adjustment` of the configuration as it holds for a scanner."""
+        general = dict(self.config.get("adjustment", {}))
+        own = general.pop("by_scanner", {}).get(scanner, {})
+        return general | own
+
     @property
     def factories(self) -> dict[str, str]:
         """Factory calibration of every scanner: a file, or "nominal"."""

@@ -43,7 +43,7 @@ rule adjust_lasers:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        adjustment=config.get("adjustment"),
+        adjustment=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
         library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
@@ -55,7 +55,7 @@ rule average_set:
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
             STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
         ),
-        calibration=factory_of_scanner,
+        calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",

@@ -63,9 +63,9 @@ def calibration_file(wildcards):
     return [] if path == "nominal" else path
 
 
-def factory_of_scanner(wildcards):
-    """Factory calibration of the scanner of a parameter set."""
-    path = STUDY.factories[wildcards.scanner]
+def factory_path(scanner):
+    """Factory calibration of a scanner, as input; nothing for nominal values."""
+    path = STUDY.factories.get(scanner, "nominal")
     return [] if path == "nominal" else path
 
 

@@ -21,11 +21,7 @@ rule compare_methods:
             for position, scanner in STUDY.positions.items()
             if METHODS and scanner == METHODS["scanner"]
         ],
-        calibration=[
-            path
-            for name, path in STUDY.factories.items()
-            if METHODS.get("scanner") == name and path != "nominal"
-        ],
+        calibration=factory_path(METHODS.get("scanner")),
         truth=(
             f"{RESULTS}/simulation/truth/{METHODS['scanner']}.csv"
             if METHODS and WORLD
@@ -48,7 +44,7 @@ rule compare_methods:
             for kind in ("calibration", "other")
         },
         scanner=METHODS.get("scanner"),
-        adjustment=config.get("adjustment"),
+        adjustment=STUDY.adjustment(METHODS.get("scanner")),
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
         library=library("compare_methods"),
@@ -68,7 +64,7 @@ if WORLD:
         conda:
             "../../environment.yml"
         params:
-            adjustment=config.get("adjustment"),
+            adjustment={name: STUDY.adjustment(name) for name in STUDY.scanners},
             runs=METHODS.get("runs", 500),
             library=library("coverage"),
         script:

@@ -120,7 +120,7 @@ def adjust_all(
     stochastic: Stochastic,
     *,
     max_iterations: int = 50,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-4,
 ) -> list[Adjustment]:
     """Adjust the parameters `names` of every laser on its own observations.
 

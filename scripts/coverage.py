@@ -15,8 +15,8 @@ from velocal.simulation import world
 from velocal.simulation.draws import full_draws, geometry, white_draws
 from velocal.study import read_yaml
 
-#: Scanner: position, and of how many lasers one is simulated.
-STATIONS = {"HDL-64E": ("P2", 9), "HDL-32E": ("P5", 5)}
+#: Position of each scanner, and of how many lasers one is simulated.
+POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}
 
 
 def main(
@@ -29,18 +29,16 @@ def main(
 ) -> None:
     """Write errors, stated standard deviations and coverage by case, scanner and parameter."""
     simulated, rows = world.load(read_yaml(world_file)), []
-    for scanner, (position, every) in STATIONS.items():
-        if scanner not in adjustment:
-            continue
+    for scanner in [name for name in POSITIONS if name in adjustment]:
         names = tuple(adjustment[scanner]["parameters"])
         config = settings.stochastic(adjustment[scanner])
         white = white_only(config)
-        at = geometry(simulated, scanner, position, every=every)
+        at = geometry(simulated, scanner, POSITIONS[scanner], every=EVERY[scanner])
         # v cannot be told from dl by most lasers; the bound without it stands for them.
         for some in (names, tuple(name for name in names if name != "v")):
             seen = observable_only(at, white, some)
             bound = cramer_rao(seen, white, some)
-            draws = white_draws(seen, white, some, 2 * runs, seed)
+            draws = white_draws(seen, white, some, 8 * runs, seed)
             found = summary(outcome(draws, seen, some, GaussHelmert(), white), bound)
             case = {"case": f"white: {' '.join(some)}", "scanner": scanner}
             rows += [case | {"method": "gauss_helmert"} | row for row in found]

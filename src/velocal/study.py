@@ -84,7 +84,7 @@ class Study:
     def adjustment(self, scanner: str | None) -> dict[str, Any]:
         """Key `adjustment` of the configuration as it holds for a scanner."""
         general = dict(self.config.get("adjustment", {}))
-        own = general.pop("by_scanner", {}).get(scanner, {})
+        own: dict[str, Any] = general.pop("by_scanner", {}).get(scanner, {})
         return general | own
 
     @property

@@ -152,10 +152,10 @@ def iterate(
             block.message = "no observations"
     free = bool(np.all(np.isinf(prior_std)))
     while open_:
-        trial = x.copy()
+        deltas, systems = np.zeros_like(x), {}
         for number in open_:
             block = blocks[number]
-            system = _system(here, block, prior_std, x[number] - start[number])
+            systems[number] = system = _system(here, block, prior_std, x[number] - start[number])
             _rescale(block, system, x[number], free)
             block.step = _restricted(solver, system, block, free)
             # Were the space to change on the way, a direction at the limit could go back and
@@ -163,16 +163,23 @@ def iterate(
             # start only.
             block.basis = None if free else block.step.basis
             block.iterations += 1
-            trial[number] = x[number] + block.step.delta
+            deltas[number] = block.step.delta
+        trial = x + deltas
         there = model(trial)
         closed = []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # Size of every step by that of its parameter; no size is no measure.
+            largest = np.maximum(np.abs(x), np.where(np.isinf(prior_std), 0.0, prior_std))
+            relatives = np.abs(deltas) / largest
         for number in open_:
-            block = blocks[number]
+            block, system = blocks[number], systems[number]
             assert block.step is not None
-            size = np.maximum(np.abs(x[number]), np.where(np.isinf(prior_std), 0.0, prior_std))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                relative = float(np.nanmax(np.abs(block.step.delta) / size))
-            system = _system(here, block, prior_std, x[number] - start[number])
+            relative = float(np.nanmax(relatives[number]))
+            if block.plain and relative <= tolerance:
+                x[number] = trial[number]
+                block.converged, block.message = True, "converged"
+                closed.append(number)
+                continue
             # Weights are those of the linearisation, or another sum would be compared.
             moved = Evaluation(there.w, there.matrix, here.row_std)
             ahead = _system(moved, block, prior_std, trial[number] - start[number])
@@ -180,10 +187,9 @@ def iterate(
                 before, after = solver.objective(system), solver.objective(ahead)
                 expected = before - solver.objective(_moved(system, block.step.delta))
             flat = expected <= ROUNDING_OF_SUM * before
-            small = block.plain and relative <= tolerance
             # Small steps that become smaller go to the solution, whatever rounding does to the sum.
             nearing = block.plain and relative < min(ROUNDING, block.shortest / 2)
-            accepted = small or nearing or after <= before * (1.0 + ROUNDING_OF_SUM)
+            accepted = nearing or after <= before * (1.0 + ROUNDING_OF_SUM)
             accepted &= bool(np.all(np.isfinite(there.matrix[block.rows])))
             length = _length(block.step, block)
             block.longest = max(block.longest, length)
@@ -200,9 +206,7 @@ def iterate(
                 block.radius *= GROW
             if accepted:
                 x[number] = trial[number]
-            if small:
-                block.converged, block.message = True, "converged"
-            elif rounding and block.idle >= IDLE:
+            if rounding and block.idle >= IDLE:
                 block.converged, block.message = True, "converged to rounding"
             elif block.radius < LAST_RADIUS * block.longest:
                 block.converged = rounding

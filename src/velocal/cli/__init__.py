@@ -1,0 +1,47 @@
+"""The command line `velocal`: a module per subject, put together here."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from velocal import __version__
+from velocal.cli import recordings
+from velocal.cli.common import errors, escape
+from velocal.errors import VelocalError
+
+app = typer.Typer(
+    help="Calibrate Velodyne laser scanners against surveyed planes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(recordings.inspect)
+app.command()(recordings.decode)
+
+
+def main() -> None:
+    """Run the command line; faults of the input end in one message and exit code 1."""
+    try:
+        app()
+    except VelocalError as error:
+        errors.print(f"[bold red]Error:[/] {escape(str(error))}")
+        sys.exit(1)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"velocal {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show version.")
+    ] = False,
+) -> None:
+    pass

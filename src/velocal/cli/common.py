@@ -1,0 +1,77 @@
+"""What commands share: consoles, progress, arguments that many take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from velocal.errors import ConfigError
+from velocal.recording.identify import candidates, check_scanner
+from velocal.recording.rotations import Inspection, inspect
+from velocal.sensors import SCANNERS, Scanner, scanner_named
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+Recording = Annotated[
+    Path,
+    typer.Argument(metavar="FILE", help="Capture: records of 1206 or 1248 bytes, or classic pcap."),
+]
+ScannerName = Annotated[
+    str | None,
+    typer.Option("--scanner", help=f"What made it: {', '.join(SCANNERS)}. Found if left out."),
+]
+
+
+def escape(text: str) -> str:
+    """Text that the console shows as it is."""
+    return text.replace("[", r"\[")
+
+
+@contextmanager
+def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
+    """Progress bar on the terminal's error stream; nothing where that is not a terminal."""
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        console=errors,
+        transient=True,
+        disable=not errors.is_terminal,
+    )
+    with bar:
+        yield bar, bar.add_task(what, total=None)
+
+
+def scan(file: Path) -> Inspection:
+    """Scan a recording, with progress."""
+    with progress(f"Scanning {escape(file.name)}") as (bar, task):
+        return inspect(file, lambda done, total: bar.update(task, completed=done, total=total))
+
+
+def scanner_of(inspection: Inspection, name: str | None, file: Path) -> tuple[Scanner, list[str]]:
+    """The scanner that was named, checked, or the one that fits best."""
+    if name is not None:
+        scanner = scanner_named(name, where="--scanner")
+        return scanner, check_scanner(inspection, scanner, str(file))
+    fits = candidates(inspection)
+    if not fits:
+        raise ConfigError(
+            "flags and packet rate fit no known scanner",
+            where=str(file),
+            hint="Name it with --scanner.",
+        )
+    return fits[0], check_scanner(inspection, fits[0], str(file))

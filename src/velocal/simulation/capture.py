@@ -48,16 +48,18 @@ class _Shots:
     """What a shot at every raw azimuth would measure without noise, for one sample."""
 
     ticks: NDArray[np.float32]
+    noise: NDArray[np.float32]
     intensity: NDArray[np.uint8]
 
 
 def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
-    """Raw distances (fractional ticks, NaN for none), shape (36000, n)."""
+    """Raw distances (fractional ticks, NaN for none) and their noise, shape (36000, n)."""
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
     pose = world.pose(position)
     surfaces = surveyed_field(world)
     reflectance = np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)])
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
+    noise = np.zeros_like(ticks)
     intensity = np.zeros(ticks.shape, dtype=np.uint8)
     start = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
@@ -68,15 +70,12 @@ def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
         phi = start + rate * scanner.firing_offset_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
         length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
-        measured = (
-            length * (1.0 + truth.range_scale[laser])
-            - truth.parameters.dl[laser]
-            + pattern[:, laser]
-        )
+        measured = truth.raw(length, lasers) + pattern[:, laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
         ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
+        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
         intensity[seen, laser] = reflectance[surface[seen]]
-    return _Shots(ticks, intensity)
+    return _Shots(ticks, noise, intensity)
 
 
 def records(
@@ -107,7 +106,6 @@ def records(
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
     shots = _shots(world, scanner, position)
-    noise_ticks = (unit_truth(world, scanner_name).noise_m / DISTANCE_TICK_M).astype(np.float32)
     drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
@@ -127,9 +125,8 @@ def records(
         step = unit.encoder_step_ticks
         azimuth = np.rint(angle / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step % AZIMUTH_TICKS
         at = firing_time.ravel() / (packets * packet_interval)
-        # Drift from beginning over middle to end, steady within a packet.
         shift = _between(drift_ticks, at)
-        distance = _measure(rng, shots.ticks[ticks], shift, noise_ticks, unit)
+        distance = _measure(rng, shots.ticks[ticks], shift, shots.noise[ticks], unit)
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
@@ -147,7 +144,7 @@ def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64
 
 
 def _between(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Linear interpolation of rows of `nodes` at 0, 1/2 and 1; shape (len(at), n)."""
+    """Linear interpolation of rows of `nodes`, evenly spaced from 0 to 1; shape (len(at), n)."""
     place = np.clip(at, 0.0, 1.0) * (len(nodes) - 1)
     left = np.minimum(place.astype(np.int64), len(nodes) - 2)
     share = (place - left)[:, None]

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from velocal.parameters import ParameterSet, nominal
 from velocal.sensors import AZIMUTH_TICKS, SCANNERS
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]
+
+#: Ranges at which the factory calibrates an HDL-64E S2 besides its far point (manual).
+NEAR_POINTS_M = {"x": 2.4, "y": 1.93}
+#: Times at which drifts are given; in between they are linear.
+DRIFT_NODES = 13
 
 
 def factory_parameters(world: World, scanner: str) -> ParameterSet:
@@ -22,7 +28,7 @@ def factory_parameters(world: World, scanner: str) -> ParameterSet:
         return design
     rng = world.rng("factory", scanner)
     n = len(design)
-    return design.corrected(
+    far = design.corrected(
         {
             "dl": model.dist_mean_m + rng.normal(0.0, model.dist_cm * 1e-2, n),
             "alpha": np.deg2rad(
@@ -34,6 +40,13 @@ def factory_parameters(world: World, scanner: str) -> ParameterSet:
             ),
         }
     )
+    # The corrections of the near points, as the factory measured them: right but for near_cm.
+    dl, scale, _ = _range_truth(world, scanner, far.dl)
+    near = {
+        f"dist_correction_{axis}": dl - scale * at_m + rng.normal(0.0, model.near_cm * 1e-2, n)
+        for axis, at_m in NEAR_POINTS_M.items()
+    }
+    return replace(far, carried=near)
 
 
 @dataclass(frozen=True)
@@ -45,14 +58,32 @@ class UnitTruth:
     parameters : ParameterSet
         True dl, alpha, v, voff, hoff.
     range_scale : ndarray, shape (n,)
-        Share of the range that is measured too long.
+        Share of the range that is measured too long, up to `far_point_m`.
+    far_point_m : float
+        Beyond this range the error stays as it is.
     noise_m : ndarray, shape (n,)
-        Standard deviation of a single shot.
+        Standard deviation of a single shot at short range.
+    noise_range_m : float
+        Range at which its square has doubled.
     """
 
     parameters: ParameterSet
     range_scale: Array
+    far_point_m: float
     noise_m: Array
+    noise_range_m: float
+
+    def raw(self, length: Array, laser: NDArray[np.integer]) -> Array:
+        """Raw distance that lasers measure at ranges, without noise, metres."""
+        stretched = self.range_scale[laser] * np.minimum(length, self.far_point_m)
+        return np.asarray(length + stretched - self.parameters.dl[laser])
+
+    def noise(self, length: Array, laser: NDArray[np.integer]) -> Array:
+        """Standard deviation of a shot at ranges, metres.
+
+        Flat at short range and growing with the square at long range, as in real recordings.
+        """
+        return np.asarray(self.noise_m[laser] * np.sqrt(1.0 + (length / self.noise_range_m) ** 4))
 
 
 def unit_truth(world: World, scanner: str) -> UnitTruth:
@@ -61,17 +92,39 @@ def unit_truth(world: World, scanner: str) -> UnitTruth:
     factory = factory_parameters(world, scanner)
     rng = world.rng("unit", scanner)
     n = len(factory)
-    true = factory.corrected(
-        {
-            # The factory's distances come out too long by the mean: the true correction is less.
-            "dl": -rng.normal(errors.dl_mean_cm, errors.dl_cm, n) * 1e-2,
-            "alpha": np.deg2rad(rng.normal(0.0, errors.alpha_deg, n)),
-            "v": np.deg2rad(rng.normal(0.0, errors.v_deg, n)),
-        }
+    dl, scale, far_point_m = _range_truth(world, scanner, factory.dl)
+    true = replace(
+        factory,
+        dl=dl,
+        alpha=factory.alpha + np.deg2rad(rng.normal(0.0, errors.alpha_deg, n)),
+        v=factory.v + np.deg2rad(rng.normal(0.0, errors.v_deg, n)),
     )
-    scale = rng.normal(0.0, errors.range_scale_cm_per_m * 1e-2, n)
-    noise = errors.noise_median_cm * 1e-2 * np.exp(rng.normal(0.0, errors.noise_log, n))
-    return UnitTruth(true, scale, noise)
+    noise = errors.noise_median_cm * 1e-2 * np.exp(errors.noise_log * even_normal(rng, n))
+    return UnitTruth(true, scale, far_point_m, noise, errors.noise_range_m)
+
+
+def even_normal(rng: np.random.Generator, n: int) -> Array:
+    """Draw n standard normal values, one from each of n equally likely intervals, in random order.
+
+    A unit has 64 or 32 lasers, whose values would else differ from unit to unit in their mean and
+    spread by more than the study's tables can tell.
+    """
+    return np.asarray(norm.ppf((rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n))
+
+
+def _range_truth(world: World, scanner: str, factory_dl: Array) -> tuple[Array, Array, float]:
+    """True dl (at range zero), range scale, and the range up to which the scale holds.
+
+    The factory's dl is that of its far point: there the error is drawn, and the scale leads from
+    there to all other ranges. This is the cause that the two-point correction of the units mends.
+    """
+    errors = world.scanner(scanner).errors
+    rng = world.rng("range", scanner)
+    n = len(factory_dl)
+    # The factory's distances come out too long by the mean: the true correction is less.
+    far = (errors.dl_mean_cm + errors.dl_cm * even_normal(rng, n)) * 1e-2
+    scale = errors.range_scale_cm_per_m * 1e-2 * even_normal(rng, n)
+    return factory_dl - far + errors.far_point_m * scale, scale, errors.far_point_m
 
 
 def position_errors(world: World, scanner: str, position: str) -> Array:
@@ -86,7 +139,7 @@ def position_errors(world: World, scanner: str, position: str) -> Array:
     shift = errors.shift_mean_cm.get(position, 0.0) + rng.normal(0.0, errors.shift_cm, n)
     # Smooth on a ring of 0.1 degree by Fourier transformation, then interpolate linearly.
     coarse = AZIMUTH_TICKS // 10
-    size = errors.pattern_median_cm * np.exp(rng.normal(0.0, errors.pattern_log, n))
+    size = errors.pattern_median_cm * np.exp(errors.pattern_log * even_normal(rng, n))
     white = rng.standard_normal((coarse, n))
     frequency = np.fft.rfftfreq(coarse, d=360.0 / coarse)
     kernel = np.exp(-2.0 * (np.pi * frequency * errors.pattern_kernel_deg) ** 2)
@@ -99,9 +152,22 @@ def position_errors(world: World, scanner: str, position: str) -> Array:
 
 
 def drift(world: World, scanner: str, sample: str) -> Array:
-    """Range drift at beginning, middle and end of a sample, metres, shape (3, n)."""
+    """Range drift of a sample at evenly spaced times, metres, shape (`DRIFT_NODES`, n).
+
+    Steady for the sample, common and per laser; per laser at beginning, middle and end; and with
+    the temperature of the scanner, common and per laser.
+    """
     errors = world.scanner(scanner).errors
     rng = world.rng("drift", scanner, sample)
     n = SCANNERS[scanner].n_lasers
     steady = rng.normal(0.0, errors.drift_common_cm) + rng.normal(0.0, errors.drift_laser_cm, n)
-    return np.asarray((steady + rng.normal(0.0, errors.drift_window_cm, (3, n))) * 1e-2)
+    windows = rng.normal(0.0, errors.drift_window_cm, (3, n))
+    share = np.linspace(0.0, 1.0, DRIFT_NODES)
+    warmth = world.warmth.temperature_k(sample, share)
+    sensitivity = world.rng("thermal", scanner).normal(
+        errors.thermal_cm_per_k, errors.thermal_laser_cm_per_k, n
+    )
+    left = np.minimum((2.0 * share).astype(int), 1)
+    weight = (2.0 * share - left)[:, None]
+    between = windows[left] * (1.0 - weight) + windows[left + 1] * weight
+    return np.asarray((steady + between + warmth[:, None] * sensitivity) * 1e-2)

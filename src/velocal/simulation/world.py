@@ -15,23 +15,31 @@ from velocal.rigid import RigidTransformation, rotation_from_vector
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """Errors of a scanner; units in the names, standard deviations unless named otherwise."""
+    """Errors of a scanner; units in the names, standard deviations unless named otherwise.
+
+    `far_point_m` is the range at which the factory calibrated: there the error of dl is
+    `dl_mean_cm`, `dl_cm`, and `range_scale_cm_per_m` makes it another at other ranges.
+    """
 
     dl_mean_cm: float
     dl_cm: float
     alpha_deg: float
     v_deg: float
     range_scale_cm_per_m: float
+    far_point_m: float
     pattern_median_cm: float
     pattern_log: float
     pattern_kernel_deg: float
     noise_median_cm: float
     noise_log: float
+    noise_range_m: float
     shift_mean_cm: Mapping[str, float]
     shift_cm: float
     drift_laser_cm: float
     drift_common_cm: float
     drift_window_cm: float
+    thermal_cm_per_k: float
+    thermal_laser_cm_per_k: float
     outlier_share: float
     outlier_cm: float
 
@@ -46,6 +54,39 @@ class FactoryModel:
     rotational_deg: float
     vertical_unit_deg: float
     vertical_deg: float
+    near_cm: float
+
+
+@dataclass(frozen=True)
+class Warmth:
+    """What drives the drifts: the scanner's temperature over the minutes of a recording.
+
+    Attributes
+    ----------
+    duration_s : float
+        Length of the recordings that are stood for, however many rotations are simulated.
+    time_constant_s : float
+        Of the way to the steady temperature.
+    halogen_k : float
+        How much warmer it is steadily while the halogen light is on.
+    samples : mapping of str to mapping
+        By sample, `halogen` (bool) and `start_k`: the temperature at the start above that of a
+        scanner that has run for long without the light. Other samples start there.
+    """
+
+    duration_s: float
+    time_constant_s: float
+    halogen_k: float
+    samples: Mapping[str, Mapping[str, Any]]
+
+    def temperature_k(self, sample: str, share: np.ndarray) -> np.ndarray:
+        """Temperature above the steady one without light, at shares of the recording."""
+        case = self.samples.get(sample, {"halogen": False, "start_k": 0.0})
+        steady = self.halogen_k if case["halogen"] else 0.0
+        return np.asarray(
+            steady
+            + (case["start_k"] - steady) * np.exp(-share * self.duration_s / self.time_constant_s)
+        )
 
 
 @dataclass(frozen=True)
@@ -66,11 +107,12 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: field, positions, units, seed."""
+    """The whole world: field, positions, warmth, units, seed."""
 
     seed: int
     field: Mapping[str, Any]
     positions: Mapping[str, Mapping[str, Any]]
+    warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
 
     def rng(self, *stream: str) -> np.random.Generator:
@@ -94,13 +136,14 @@ class World:
 
         Ticks of the distance and steps of the encoder remain, as they belong to the packets.
         """
-        kept = ("dl_mean_cm", "dl_cm", "alpha_deg", "v_deg", "pattern_kernel_deg")
+        kept = ("dl_mean_cm", "dl_cm", "alpha_deg", "v_deg")
+        lengths = ("pattern_kernel_deg", "far_point_m", "noise_range_m")
         scanners = {}
         for name, unit in self.scanners.items():
             zeros: dict[str, Any] = {
                 item.name: {} if item.name == "shift_mean_cm" else 0.0
                 for item in fields(ErrorModel)
-                if item.name not in kept
+                if item.name not in (*kept, *lengths)
             }
             scanners[name] = replace(
                 unit,
@@ -161,4 +204,5 @@ def load(content: Mapping[str, Any]) -> World:
                 "errors": ErrorModel(**unit["errors"]),
             }
         )
-    return World(content["seed"], content["field"], content["positions"], scanners)
+    warmth = Warmth(**content["warmth"])
+    return World(content["seed"], content["field"], content["positions"], warmth, scanners)

@@ -44,16 +44,24 @@ def _network_header() -> bytes:
 
 
 @dataclass(frozen=True)
-class _Shots:
-    """What a shot at every raw azimuth would measure without noise, for one sample."""
+class Shots:
+    """What a shot at every raw azimuth measures without noise, and its noise.
+
+    Attributes
+    ----------
+    ticks, noise : ndarray of float32, shape (36000, n)
+        Raw distance in fractional ticks, NaN for none, and the standard deviation of a shot.
+    intensity : ndarray of uint8, shape (36000, n)
+    """
 
     ticks: NDArray[np.float32]
     noise: NDArray[np.float32]
     intensity: NDArray[np.uint8]
 
 
-def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
-    """Raw distances (fractional ticks, NaN for none) and their noise, shape (36000, n)."""
+def shots_at(world: World, scanner_name: str, position: str) -> Shots:
+    """Cast the beams of all lasers at every raw azimuth: what all samples of a position share."""
+    scanner = SCANNERS[scanner_name]
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
     pose = world.pose(position)
     surfaces = surveyed_field(world)
@@ -75,7 +83,7 @@ def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
         ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
         noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
         intensity[seen, laser] = reflectance[surface[seen]]
-    return _Shots(ticks, noise, intensity)
+    return Shots(ticks, noise, intensity)
 
 
 def records(
@@ -85,6 +93,7 @@ def records(
     sample: str,
     rotations: int,
     progress: Callable[[int, int], None] | None = None,
+    shots: Shots | None = None,
 ) -> Iterator[bytes]:
     """Simulate the recording of a sample.
 
@@ -97,6 +106,8 @@ def records(
         Complete rotations that the recording holds at least.
     progress : callable, optional
         Called with packets done and packets in all.
+    shots : Shots, optional
+        Of the position, where they are known already.
 
     Yields
     ------
@@ -105,7 +116,8 @@ def records(
     """
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
-    shots = _shots(world, scanner, position)
+    if shots is None:
+        shots = shots_at(world, scanner_name, position)
     drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)

@@ -74,8 +74,8 @@ class Surface:
             hit = origin + flat[:, None] * direction - self.corner
             a, b = hit @ self.across, hit @ self.up
             inside = (flat > 0) & (a >= 0) & (a <= self.size[0]) & (b >= 0) & (b <= self.size[1])
-            if self.relief is not None:
-                flat = flat + self.relief(a, b) / towards
+        if self.relief is not None:
+            flat[inside] += self.relief(a[inside], b[inside]) / towards[inside]
         return np.where(inside, flat, np.inf)
 
 

@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal import comparison, provenance, storage
+from velocal import agreement_section, comparison, provenance, storage
 from velocal.calibration_files import formats
 from velocal.figures import TITLES
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
@@ -191,13 +191,15 @@ def render(study: Study) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["fixed"] = fixed
+    environment.filters["number"] = lambda value: f"{value:.7g}"
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
-    cells = _cells(study.agreement)
+    cells = agreement_section.cells(study.agreement)
     content = {
         "title": study.title,
         "simulated": study.simulated,
         "overview": _overview(study.summary),
-        "agreement": _agreement_summary(cells),
+        "agreement": agreement_section.counts(cells),
+        "statements": agreement_section.statements_of(cells),
         "cells": cells,
         "contradictions": CONTRADICTIONS,
         "tables": _tables(study, cells),
@@ -302,42 +304,6 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
         }
         for key, group in summary.groupby(keys, sort=False)
     ]
-
-
-def _cells(agreement: pd.DataFrame | None) -> dict[str, dict[str, Any]]:
-    """Rows of the agreement by item."""
-    if agreement is None:
-        return {}
-    rows = agreement.to_dict(orient="records")
-    return {
-        str(row["item"]): {
-            **{str(name): value for name, value in row.items()},
-            "within": str(row["within"]).lower() == "true",
-        }
-        for row in rows
-    }
-
-
-def _agreement_summary(cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """How many cells are within their tolerance: per quantity for every table, and in all."""
-    if not cells:
-        return []
-    rows = printed_rows()
-    numbers = list(dict.fromkeys(row.table for row in rows))
-    counts = []
-    for quantity in TOLERANCES:
-        judged = {
-            number: [cells[row.item(quantity)]["within"] for row in rows if row.table == number]
-            for number in numbers
-        }
-        judged["all"] = [verdict for verdicts in judged.values() for verdict in verdicts]
-        counts.append(
-            {
-                "quantity": quantity,
-                "of": {name: (sum(verdicts), len(verdicts)) for name, verdicts in judged.items()},
-            }
-        )
-    return counts
 
 
 def _tables(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:

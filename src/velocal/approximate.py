@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from velocal.errors import SurveyError
-from velocal.rigid import closed_form
+from velocal.rigid import closed_form, rotation_from_vector
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def resected_setup(polar: Array, known: Array, *, where: str) -> tuple[Array, fl
 
 
 def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array, Array]:
-    """Place and rotation of a camera by the direct linear transformation.
+    """Place and rotation of a camera: direct linear transformation, then least squares.
 
     Parameters
     ----------
@@ -93,8 +94,22 @@ def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array
         projection = -projection
     left, _, right = np.linalg.svd(projection[:, :3])
     rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    place = -np.linalg.solve(projection[:, :3], projection[:, 3])
-    return centre + spread * place, rotation
+    start = np.concatenate([_placed(rotation, tangents, scaled), np.zeros(3)])
+
+    def residuals(unknowns: Array) -> Array:
+        turned = rotation_from_vector(unknowns[3:]) @ rotation
+        seen = (scaled - unknowns[:3]) @ turned.T
+        return np.asarray(tangents - seen[:, :2] / seen[:, 2:]).ravel()
+
+    # With points near one plane the linear solution is a poor one.
+    best = least_squares(residuals, start, method="lm").x
+    return centre + spread * best[:3], rotation_from_vector(best[3:]) @ rotation
+
+
+def _placed(rotation: Array, tangents: Array, known: Array) -> Array:
+    """Place of a camera of known rotation: where the rays of the points meet best."""
+    rays = np.column_stack([tangents, np.ones(len(tangents))]) @ rotation
+    return intersection(known, rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def intersection(origins: Array, directions: Array) -> Array:

@@ -107,13 +107,14 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: field, positions, warmth, units, seed."""
+    """The whole world: seed, field, positions, warmth, units, outdoor scenes."""
 
     seed: int
     field: Mapping[str, Any]
     positions: Mapping[str, Mapping[str, Any]]
     warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
+    outdoor: Mapping[str, Any] | None = None
 
     def rng(self, *stream: str) -> np.random.Generator:
         """Random stream of its own for every name: a new sample changes no other."""
@@ -205,4 +206,11 @@ def load(content: Mapping[str, Any]) -> World:
             }
         )
     warmth = Warmth(**content["warmth"])
-    return World(content["seed"], content["field"], content["positions"], warmth, scanners)
+    return World(
+        content["seed"],
+        content["field"],
+        content["positions"],
+        warmth,
+        scanners,
+        content.get("outdoor"),
+    )

@@ -6,19 +6,14 @@ import pandas as pd
 
 from velocal import storage
 from velocal.errors import reported
-from velocal.validation import summary_row
+from velocal.tables import summarised
 
 
 def main(parts: list[Path], lasers: Path, summary: Path) -> None:
     """Write one table of all lasers and one of all windows."""
     every = pd.concat([pd.read_csv(part) for part in parts], ignore_index=True)
     storage.write_csv(lasers, every)
-    keys = ["scanner", "sample", "window", "data", "calibration"]
-    rows = [
-        {**dict(zip(keys, key, strict=True)), **summary_row(group)}
-        for key, group in every.groupby(keys, sort=False)
-    ]
-    storage.write_csv(summary, pd.DataFrame(rows))
+    storage.write_csv(summary, summarised(every))
 
 
 if "snakemake" in globals():

@@ -137,6 +137,16 @@ def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
     storage.write_csv(path, pd.concat(frames, ignore_index=True))
 
 
+def joined(parts: Sequence[Targets]) -> Targets:
+    """Put targets together, one part after the other."""
+    return Targets(
+        tuple(name for part in parts for name in part.name),
+        tuple(group for part in parts for group in part.group),
+        np.concatenate([part.xyz for part in parts]),
+        np.concatenate([part.std for part in parts]),
+    )
+
+
 def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Targets]:
     """Targets that occur in both systems, in the same order.
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.study import WINDOWS
-from velocal.validation import calibration_after, mean_std_of_sets
+from velocal.validation import calibration_after, mean_std_of_sets, summary_row
 
 #: Number of a table as the paper writes it.
 ROMAN = {"2": "II", "3": "III", "4": "IV", "5": "V"}
@@ -63,6 +63,16 @@ class Table:
     frame: pd.DataFrame
     caption: str
     notes: tuple[str, ...]
+
+
+def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
+    """Reduce the statistics of all lasers to one row per window, data and calibration."""
+    keys = ["scanner", "sample", "window", "data", "calibration"]
+    rows = [
+        {**dict(zip(keys, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
+        for key, group in lasers.groupby(keys, sort=False)
+    ]
+    return pd.DataFrame(rows)
 
 
 def build(

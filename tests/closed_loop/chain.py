@@ -20,7 +20,7 @@ from velocal.scans import assigned_scan
 from velocal.sensors import SCANNERS
 from velocal.simulation import capture, survey, truth, world
 from velocal.station import adjust_station, observations
-from velocal.survey import Targets
+from velocal.survey import joined
 
 WORLD = Path(__file__).parents[2] / "config/world.yaml"
 GATES = Gates(0.25, 0.05, 1.396)
@@ -38,15 +38,6 @@ class Loop:
     factory: ParameterSet
     true: ParameterSet
     adjustments: list[Adjustment]
-
-
-def joined(parts: list[Targets]) -> Targets:
-    return Targets(
-        tuple(n for p in parts for n in p.name),
-        tuple(g for p in parts for g in p.group),
-        np.concatenate([p.xyz for p in parts]),
-        np.concatenate([p.std for p in parts]),
-    )
 
 
 def run(

@@ -46,6 +46,7 @@ wildcard_constraints:
     parameter_set=r"\w+",
     table=r"\d",
     figure=r"\d\d",
+    seed=r"\d+",
 
 
 def library(script):

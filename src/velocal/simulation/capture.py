@@ -44,16 +44,24 @@ def _network_header() -> bytes:
 
 
 @dataclass(frozen=True)
-class _Shots:
-    """What a shot at every raw azimuth would measure without noise, for one sample."""
+class Shots:
+    """What a shot at every raw azimuth measures without noise, and its noise.
+
+    Attributes
+    ----------
+    ticks, noise : ndarray of float32, shape (36000, n)
+        Raw distance in fractional ticks, NaN for none, and the standard deviation of a shot.
+    intensity : ndarray of uint8, shape (36000, n)
+    """
 
     ticks: NDArray[np.float32]
     noise: NDArray[np.float32]
     intensity: NDArray[np.uint8]
 
 
-def _shots(world: World, scanner: Scanner, scene: Scene) -> _Shots:
-    """Raw distances (fractional ticks, NaN for none) and their noise, shape (36000, n)."""
+def shots_at(world: World, scanner_name: str, position: str | Scene) -> Shots:
+    """Cast the beams of all lasers at every raw azimuth: what all samples of a position share."""
+    scanner, scene = SCANNERS[scanner_name], _scene(world, scanner_name, position)
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
     pose, surfaces = scene.pose, scene.surfaces
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
@@ -72,7 +80,13 @@ def _shots(world: World, scanner: Scanner, scene: Scene) -> _Shots:
         ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
         noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
         intensity[seen, laser] = scene.reflectance[surface[seen]]
-    return _Shots(ticks, noise, intensity)
+    return Shots(ticks, noise, intensity)
+
+
+def _scene(world: World, scanner_name: str, position: str | Scene) -> Scene:
+    if isinstance(position, Scene):
+        return position
+    return field_scene(world, scanner_name, position)
 
 
 def records(
@@ -82,6 +96,7 @@ def records(
     sample: str,
     rotations: int,
     progress: Callable[[int, int], None] | None = None,
+    shots: Shots | None = None,
 ) -> Iterator[bytes]:
     """Simulate the recording of a sample.
 
@@ -96,6 +111,8 @@ def records(
         Complete rotations that the recording holds at least.
     progress : callable, optional
         Called with packets done and packets in all.
+    shots : Shots, optional
+        Of the position, where they are known already.
 
     Yields
     ------
@@ -104,10 +121,9 @@ def records(
     """
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
-    scene = position
-    if not isinstance(scene, Scene):
-        scene = field_scene(world, scanner_name, scene)
-    shots = _shots(world, scanner, scene)
+    if shots is None:
+        shots = shots_at(world, scanner_name, position)
+    between = position.between if isinstance(position, Scene) else None
     drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
@@ -129,8 +145,8 @@ def records(
         at = firing_time.ravel() / (packets * packet_interval)
         shift = _between(drift_ticks, at)
         ideal = shots.ticks[ticks]
-        if scene.between is not None:
-            ideal = scene.between(rng, firing_time.ravel(), np.deg2rad(angle), ideal)
+        if between is not None:
+            ideal = between(rng, firing_time.ravel(), np.deg2rad(angle), ideal)
         distance = _measure(rng, ideal, shift, shots.noise[ticks], unit)
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8

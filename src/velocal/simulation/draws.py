@@ -24,7 +24,7 @@ from velocal.simulation.survey import base_targets_field, base_targets_scanner, 
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import ErrorModel, World
 from velocal.station import Station, adjust_station, as_dict, uncertainty_of
-from velocal.survey import Targets
+from velocal.survey import Targets, joined
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def full_draws(
     ]
     fields = [surveyed_field(world) for world in worlds]
     reliefs = [[field[name] for name in PLANES] for field in fields]
-    targets = [_joined(field_targets(_exact(world, at.scanner))) for world in worlds]
+    targets = [joined(field_targets(_exact(world, at.scanner))) for world in worlds]
     for run in range(runs):
         rng = _stream(seed, run, 2)
         true = true_parameters(rng, at.factory, stochastic, names)
@@ -264,15 +264,6 @@ def _pattern_factors(at: Geometry) -> list[Array]:
         values, vectors = np.linalg.eigh(np.exp(-((apart / width) ** 2) / 4.0))
         factors.append(vectors * np.sqrt(np.maximum(values, 0.0)))
     return factors
-
-
-def _joined(parts: Sequence[Targets]) -> Targets:
-    return Targets(
-        tuple(name for part in parts for name in part.name),
-        tuple(group for part in parts for group in part.group),
-        np.concatenate([part.xyz for part in parts]),
-        np.concatenate([part.std for part in parts]),
-    )
 
 
 def _exact(world: World, scanner: str) -> World:

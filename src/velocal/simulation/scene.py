@@ -76,9 +76,8 @@ class Surface:
             hit = origin + flat[:, None] * direction - self.corner
             a, b = hit @ self.across, hit @ self.up
             inside = (flat > 0) & (a >= 0) & (a <= self.size[0]) & (b >= 0) & (b <= self.size[1])
-            if self.relief is not None:
-                hits = np.flatnonzero(inside)
-                flat[hits] += self.relief(a[hits], b[hits]) / towards[hits]
+        if self.relief is not None:
+            flat[inside] += self.relief(a[inside], b[inside]) / towards[inside]
         return np.where(inside, flat, np.inf)
 
 

@@ -1,0 +1,38 @@
+"""The study in memory with another seed of the simulated world, and fewer rotations."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.simulation import replicate, world
+from velocal.study import read_study, read_yaml
+
+
+def main(
+    world_file: Path,
+    agreement: Path,
+    *,
+    seed: int,
+    rotations: int,
+    config: Mapping[str, Any],
+    schemas: Path,
+) -> None:
+    """Write every cell of the tables beside the printed one."""
+    simulated = replace(world.load(read_yaml(world_file)), seed=seed)
+    study = read_study(config, schemas, "configuration")
+    storage.write_csv(agreement, replicate.agreement(simulated, study, rotations))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.world),
+            Path(snakemake.output.agreement),
+            seed=int(snakemake.wildcards.seed),
+            rotations=snakemake.params.rotations,
+            config=snakemake.params.study,
+            schemas=Path(snakemake.params.schemas),
+        )

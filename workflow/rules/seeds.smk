@@ -1,0 +1,45 @@
+# Not one lucky seed: the study in memory for many seeds of the simulated world, at reduced cost.
+#
+# in:   config/world.yaml, the configuration
+# out:  {results}/seeds/{seed}.csv       every cell beside the printed one, for one seed
+#       {results}/seeds/agreement.csv    mean and spread of every cell over the seeds
+#
+# Not part of `all`; `make seeds` asks for it. The same functions as in the rest of the workflow run
+# in one process a seed, on recordings with fewer rotations in a window.
+
+SEEDS = config.get("simulation", {}).get("seeds", {})
+
+if WORLD and SEEDS:
+
+    rule replicate_study:
+        input:
+            world=WORLD,
+        output:
+            agreement=f"{RESULTS}/seeds/{{seed}}.csv",
+        log:
+            f"{RESULTS}/logs/replicate_study/{{seed}}.log",
+        conda:
+            "../../environment.yml"
+        params:
+            study=config,
+            rotations=SEEDS["rotations"],
+            schemas=str(WORKFLOW / "schemas"),
+            library=library("replicate_study"),
+        script:
+            "../../scripts/replicate_study.py"
+
+    rule summarise_seeds:
+        input:
+            replicas=expand(
+                f"{RESULTS}/seeds/{{seed}}.csv", seed=range(1, SEEDS["count"] + 1)
+            ),
+        output:
+            agreement=f"{RESULTS}/seeds/agreement.csv",
+        log:
+            f"{RESULTS}/logs/summarise_seeds.log",
+        conda:
+            "../../environment.yml"
+        params:
+            library=library("summarise_seeds"),
+        script:
+            "../../scripts/summarise_seeds.py"

@@ -3,6 +3,7 @@
 # in:   config/world.yaml, the configuration
 # out:  {results}/seeds/{seed}.csv       every cell beside the printed one, for one seed
 #       {results}/seeds/agreement.csv    mean and spread of every cell over the seeds
+#       {results}/seeds/constants.csv    constants of the world that would fit the tables better
 #
 # Not part of `all`; `make seeds` asks for it. The same functions as in the rest of the workflow run
 # in one process a seed, on recordings with fewer rotations in a window.
@@ -43,3 +44,21 @@ if WORLD and SEEDS:
             library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"
+
+    rule tune_world:
+        input:
+            world=WORLD,
+        output:
+            constants=f"{RESULTS}/seeds/constants.csv",
+        log:
+            f"{RESULTS}/logs/tune_world.log",
+        conda:
+            "../../environment.yml"
+        params:
+            study=config,
+            rotations=SEEDS["rotations"],
+            tuning={"seeds": 2, "iterations": 2},
+            schemas=str(WORKFLOW / "schemas"),
+            library=library("tune_world"),
+        script:
+            "../../scripts/tune_world.py"

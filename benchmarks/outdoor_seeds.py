@@ -83,7 +83,7 @@ def parameter_sets(simulated, scanner, config, positions):
 
 
 def sample(simulated, row, candidates, config):
-    """Row of the summary of one outdoor sample."""
+    """Rows of the panels of one outdoor sample."""
     scanner = SCANNERS[row["scanner"]]
     scene = outdoor_scene(simulated, scanner.name, row["scene"], 1.0)
     middle, half = simulated.outdoor["azimuth_deg"], np.rad2deg(2.5 / float(row["distance_m"]))
@@ -101,14 +101,12 @@ def sample(simulated, row, candidates, config):
     noise *= np.hypot(1.0, simulated.outdoor["kinds"][row["kind"]]["fog"]["noise"])
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
     cloud = field.Cloud.of(raw, phi, lasers, candidates[outdoor.BEFORE])
-    panels = outdoor.Panels(
-        float(row["distance_m"]), np.deg2rad(float(row["azimuth_deg"])),
-        config["panels"], config["depth_m"],
-    )  # fmt: skip
-    search = field.Search(0, 0.0, 0.0, config["min_points"], 1.2, 0, config["min_lasers"])
-    planes = outdoor.fit_panels(cloud, panels, search, row["sample"])
-    heading = {key: row[key] for key in ("kind", "scanner", "sample")}
-    return outdoor.sample_row(heading, outdoor.panel_rows(cloud, planes, candidates))
+    panels = outdoor.Panels.from_config(
+        row["distance_m"], row["azimuth_deg"], config["panels"], config["fit"]
+    )
+    planes = outdoor.fit_panels(cloud, panels, outdoor.search(config["fit"]), row["sample"])
+    heading = {key: row[key] for key in outdoor.HEADING}
+    return [heading | each for each in outdoor.panel_rows(cloud, planes, candidates)]
 
 
 def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -121,13 +119,14 @@ def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     candidates = {
         name: parameter_sets(simulated, name, config, positions) for name in simulated.scanners
     }
-    found = [sample(simulated, r, candidates[r["scanner"]], config["outdoor"]) for r in rows]
-    samples, means = [], []
-    for key in dict.fromkeys((r["kind"], r["scanner"]) for r in found):
-        group = outdoor.with_after([r for r in found if (r["kind"], r["scanner"]) == key])
-        samples += group
-        means.append({"seed": simulated.seed, **outdoor.means(group)})
-    return pd.DataFrame(samples), pd.DataFrame(means)
+    samples, means = outdoor.summarise(
+        [
+            panel
+            for row in rows
+            for panel in sample(simulated, row, candidates[row["scanner"]], config["outdoor"])
+        ]
+    )
+    return pd.DataFrame(samples), pd.DataFrame(means).assign(seed=simulated.seed)
 
 
 def main(seeds: int) -> None:

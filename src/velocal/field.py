@@ -77,7 +77,10 @@ class Cloud:
         rotation_rate_hz: float,
         parameters: ParameterSet,
     ) -> Cloud:
-        """Compute the points of medians: columns ``laser_id``, ``azimuth``, ``distance``."""
+        """Compute the points of medians, or of returns that are not empty.
+
+        Columns ``laser_id``, ``azimuth``, ``distance``.
+        """
         laser_id = medians["laser_id"]
         rate = 2.0 * np.pi * rotation_rate_hz
         phi = angle_from_ticks(medians["azimuth"], laser_id, scanner, rate)

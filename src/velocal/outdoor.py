@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Name of the calibration that the scanner came with.
 BEFORE = "before"
+#: Columns of a sample that are the same in all its rows.
+HEADING = ("kind", "scanner", "sample")
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,17 @@ class Panels:
     boxes: Mapping[str, Mapping[str, Sequence[float]]]
     depth_m: float
 
+    @classmethod
+    def from_config(
+        cls,
+        distance_m: float,
+        azimuth_deg: float,
+        boxes: Mapping[str, Mapping[str, Sequence[float]]],
+        fit: Mapping[str, float],
+    ) -> Panels:
+        """Panels out of a row of the sheet and the configuration's `outdoor`."""
+        return cls(distance_m, float(np.deg2rad(azimuth_deg)), boxes, fit["depth_m"])
+
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:
         """Rows of the points, shape (n, 3) in the scanner frame, inside a panel's box."""
         sine, cosine = np.sin(self.azimuth_rad), np.cos(self.azimuth_rad)
@@ -61,6 +74,19 @@ class Panels:
         ahead = [self.distance_m - self.depth_m, self.distance_m + self.depth_m]
         box = self.boxes[name]
         return patch_points(turned, {"x_m": box["across_m"], "y_m": ahead, "z_m": box["up_m"]})
+
+
+def search(fit: Mapping[str, float]) -> Search:
+    """What counts as a plane, out of the configuration's `outdoor: fit`; nothing is searched."""
+    return Search(
+        planes=0,
+        distance_m=0.0,
+        extent_m=0.0,
+        min_points=int(fit["min_points"]),
+        incidence_rad=float(np.deg2rad(fit["incidence_deg"])),
+        seed=0,
+        min_lasers=int(fit["min_lasers"]),
+    )
 
 
 def fit_panels(cloud: Cloud, panels: Panels, search: Search, where: str) -> list[FieldPlane]:
@@ -135,9 +161,7 @@ def panel_rows(
     return rows
 
 
-def sample_row(
-    heading: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
+def sample_row(heading: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Reduce the rows of `panel_rows` of a sample to one: means over the panels.
 
     ``lasers`` is that of the panel that fewest see; ``{calibration}_cm`` is ``std_cm``.
@@ -157,6 +181,21 @@ def sample_row(
             for name in names
         },
     }
+
+
+def summarise(
+    rows: Sequence[Mapping[str, Any]],
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of all samples, `HEADING` included, to one per sample, and one per kind and scanner."""
+    by_sample: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        by_sample.setdefault(tuple(str(row[key]) for key in HEADING), []).append(row)
+    groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    for key, of_sample in by_sample.items():
+        heading = dict(zip(HEADING, key, strict=True))
+        groups.setdefault(key[:2], []).append(sample_row(heading, of_sample))
+    every = [with_after(group) for group in groups.values()]
+    return [sample for group in every for sample in group], [means(group) for group in every]
 
 
 def with_after(samples: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

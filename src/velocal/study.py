@@ -51,6 +51,29 @@ class Sample:
 
 
 @dataclass(frozen=True)
+class OutdoorSample:
+    """A recording of panels outdoors, as its row of the sheet has it."""
+
+    name: str
+    kind: str
+    scanner: str
+    scene: str
+    recording: str
+    calibration: str
+    distance_m: float
+    azimuth_deg: float
+
+    @classmethod
+    def of(cls, row: Mapping[str, str]) -> OutdoorSample:
+        """Sample of a row."""
+        place = float(row["distance_m"]), float(row["azimuth_deg"])
+        kind, scanner, scene = row["kind"], row["scanner"], row["scene"]
+        return cls(
+            row["sample"], kind, scanner, scene, row["recording"], row["calibration"], *place
+        )
+
+
+@dataclass(frozen=True)
 class Study:
     """A checked configuration with its samples.
 
@@ -60,15 +83,18 @@ class Study:
         As written.
     surveyed, field : dict of str to Sample
         Samples with and without a survey.
+    outdoor : dict of str to OutdoorSample
+        Samples of panels outdoors.
     """
 
     config: Mapping[str, Any]
     surveyed: dict[str, Sample]
     field: dict[str, Sample]
+    outdoor: dict[str, OutdoorSample]
 
     @property
     def samples(self) -> dict[str, Sample]:
-        """All samples."""
+        """Samples with and without a survey, not those outdoors."""
         return {**self.surveyed, **self.field}
 
     @property
@@ -225,7 +251,12 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
             )
             for row in rows
         }  # fmt: skip
-    study = Study(config, surveyed, field)
+    outdoor: dict[str, OutdoorSample] = {}
+    if "outdoor" in config:
+        sheet = Path(config["outdoor"]["samples"])
+        rows = read_sheet(sheet, read_yaml(schemas / "outdoor_samples.schema.yaml"))
+        outdoor = {row["sample"]: OutdoorSample.of(row) for row in rows}
+    study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)
     return study
 
@@ -235,9 +266,10 @@ def _check_references(study: Study, where: str) -> None:
     config = study.config
     if not study.samples:
         raise ConfigError("names no sample", where=where, hint="Give `samples` or `field`.")
-    both = sorted(set(study.surveyed) & set(study.field))
-    if both:
-        raise ConfigError(f"sample {both[0]!r} is surveyed and field", where=where)
+    names = [*study.surveyed, *study.field, *study.outdoor]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"sample {name!r} stands in two sheets", where=where)
     for sample in study.samples.values():
         if sample.scanner not in SCANNERS:
             raise ConfigError(
@@ -262,6 +294,7 @@ def _check_references(study: Study, where: str) -> None:
             raise ConfigError(
                 f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
             )
+    _check_outdoor(study, where)
     if not study.surveyed:
         return
     for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):
@@ -290,6 +323,28 @@ def _check_references(study: Study, where: str) -> None:
                 )
     if "methods" in config:
         _check_methods(study, config["methods"], where)
+
+
+def _check_outdoor(study: Study, where: str) -> None:
+    """Check that outdoor samples have parameter sets of their unit, and figures have samples."""
+    known = {(sample.kind, sample.scanner) for sample in study.outdoor.values()}
+    for sample in study.outdoor.values():
+        if study.factories.get(sample.scanner) != sample.calibration:
+            raise ConfigError(
+                f"outdoor sample {sample.name!r}: {sample.calibration!r} is no calibration file "
+                f"of a surveyed sample of {sample.scanner}",
+                where=where,
+                allowed=", ".join(f"{path} ({unit})" for unit, path in study.factories.items()),
+                hint="Parameter sets are made from surveyed samples of the same unit.",
+            )
+    for number, chosen in study.config.get("outdoor", {}).get("figures", {}).items():
+        if tuple(chosen) not in known or number in study.config.get("figures", {}):
+            raise ConfigError(
+                f"outdoor.figures.{number}: no {chosen[0]} samples of {chosen[1]}, or a figure of "
+                "that number elsewhere",
+                where=where,
+                allowed=", ".join(" ".join(pair) for pair in sorted(known)),
+            )
 
 
 def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:
@@ -333,7 +388,8 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
         For the first missing file; without this, old results would hide it.
     """
     named = {f"survey.{key}": path for key, path in study.config.get("survey", {}).items()}
-    for sample in study.samples.values():
+    every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
+    for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording
         if sample.calibration != "nominal":
             named[f"calibration of sample {sample.name!r}"] = sample.calibration

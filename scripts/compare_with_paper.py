@@ -1,20 +1,30 @@
-"""Every printed cell of the paper's tables beside the reproduced one."""
+"""Every printed cell of the paper's tables, and every number of its text, beside ours."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from velocal import storage
+from velocal import published, statements, storage
 from velocal.errors import reported
-from velocal.published import agreement
 
 
-def main(summary: Path, tables: list[Path], output: Path) -> None:
-    """Write the comparison as CSV."""
-    reproduced = pd.concat(
-        [pd.DataFrame(storage.read_csv(path)) for path in tables], ignore_index=True
-    )
-    storage.write_csv(output, agreement(pd.DataFrame(storage.read_csv(summary)), reproduced))
+def _frame(path: Path) -> pd.DataFrame:
+    return pd.DataFrame(storage.read_csv(path))
+
+
+def main(
+    summary: Path, tables: list[Path], surveys: list[Path], facts: list[Path], output: Path
+) -> None:
+    """Write the comparison as CSV; facts are tables with columns `item` and `value`."""
+    shown = pd.concat([_frame(path) for path in tables], ignore_index=True)
+    every = _frame(summary)
+    found = statements.of_tables(published.sources_of(every, shown))
+    found |= statements.of_surveys([storage.read_json(path) for path in surveys])
+    for path in facts:
+        table = _frame(path)
+        found |= dict(zip(table["item"], table["value"].astype(float), strict=True))
+    parts = [published.agreement(every, shown), statements.agreement(found)]
+    storage.write_csv(output, pd.concat(parts, ignore_index=True))
 
 
 if "snakemake" in globals():
@@ -22,5 +32,7 @@ if "snakemake" in globals():
         main(
             Path(snakemake.input.summary),
             [Path(path) for path in snakemake.input.tables],
+            [Path(path) for path in snakemake.input.surveys],
+            [Path(path) for path in snakemake.input.facts],
             Path(snakemake.output.agreement),
         )

@@ -14,18 +14,21 @@ def main(
     panels: list[Path],
     summary: Path,
     means: Path,
+    facts: Path,
     figures: list[Path],
     *,
     selections: Mapping[str, Sequence[str]],
     sigma_cm: float,
     simulated: bool,
 ) -> None:
-    """Write both tables as CSV, and every figure as SVG and PNG with its numbers as CSV."""
+    """Write the tables as CSV, and every figure as SVG and PNG with its numbers as CSV."""
     every = pd.concat([pd.read_csv(path) for path in panels], ignore_index=True)
     rows = [{str(key): value for key, value in row.items()} for row in every.to_dict("records")]
-    samples, of_kinds = (pd.DataFrame(table) for table in outdoor.summarise(rows))
+    each, of_kinds = outdoor.summarise(rows)
+    samples = pd.DataFrame(each)
     storage.write_csv(summary, samples)
-    storage.write_csv(means, of_kinds)
+    storage.write_csv(means, pd.DataFrame(of_kinds))
+    storage.write_csv(facts, pd.DataFrame(outdoor.facts(of_kinds)))
     paths = {path.name: path for path in figures}
     for number, (kind, scanner) in selections.items():
         numbers = outdoor_figure.numbers(samples, kind, scanner)
@@ -43,6 +46,7 @@ if "snakemake" in globals():
             [Path(path) for path in snakemake.input.panels],
             Path(snakemake.output.summary),
             Path(snakemake.output.means),
+            Path(snakemake.output.facts),
             [Path(path) for path in snakemake.output.figures],
             selections=snakemake.params.figures,
             sigma_cm=snakemake.params.sigma_cm,

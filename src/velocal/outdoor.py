@@ -237,3 +237,12 @@ def means(samples: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         },
         "parameters": first["parameters"],
     }
+
+
+def facts(of_kinds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Means as single numbers, ``item`` and ``value``: outdoor_real_after_32 and its like."""
+    return [
+        {"item": f"outdoor_{row['kind']}_{when}_{row['scanner'][4:6]}", "value": row[f"{when}_cm"]}
+        for row in of_kinds
+        for when in ("before", "after")
+    ]

@@ -6,7 +6,7 @@ All figures share one scale, so that conditions and scanners can be compared.
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -98,11 +98,13 @@ def draw(
     return figure
 
 
-def section(means: pd.DataFrame | None, pictures: Sequence[tuple[str, bytes]]) -> Any:
+def section(means: pd.DataFrame | None, pictures: Mapping[str, bytes]) -> dict[str, Any] | None:
     """What a report shows: rows of means, and figures by number; None without."""
     if means is None or means.empty:
         return None
     return {
         "rows": means.to_dict(orient="records"),
-        "figures": [(name, base64.b64encode(png).decode("ascii")) for name, png in pictures],
+        "figures": {
+            number: base64.b64encode(png).decode("ascii") for number, png in pictures.items()
+        },
     }

@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal import comparison, provenance, storage
+from velocal import agreement_section, comparison, outdoor_figure, provenance, storage
 from velocal.calibration_files import formats
 from velocal.figures import TITLES
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
@@ -87,6 +87,8 @@ class Study:
         PNG by field sample.
     methods : tuple
         Numbers of the comparison of methods, or None, and its picture.
+    outdoor : tuple
+        Means of the outdoor validation, or None, and its figures by number.
     """
 
     title: str
@@ -102,6 +104,9 @@ class Study:
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
     methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
+    outdoor: tuple[pd.DataFrame | None, Mapping[str, bytes]] = field(
+        default_factory=lambda: (None, {})
+    )
 
 
 def read(
@@ -119,7 +124,7 @@ def read(
     ----------
     files : mapping of str to sequence of Path
         By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
-        ``field``, ``methods``. A kind may be missing or empty.
+        ``field``, ``methods``, ``outdoor`` (means first). A kind may be missing or empty.
     title, simulated
         As in `Study`.
     tables, figures : mapping of str to mapping
@@ -171,6 +176,10 @@ def read(
         field_table=frame("field"),
         field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
         methods=(frame("methods"), b"".join(path.read_bytes() for path in pictures("methods"))),
+        outdoor=(
+            frame("outdoor"),
+            {path.stem.removeprefix("figure_"): path.read_bytes() for path in pictures("outdoor")},
+        ),
     )
 
 
@@ -191,13 +200,15 @@ def render(study: Study) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["fixed"] = fixed
+    environment.filters["number"] = lambda value: f"{value:.7g}"
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
-    cells = _cells(study.agreement)
+    cells = agreement_section.cells(study.agreement)
     content = {
         "title": study.title,
         "simulated": study.simulated,
         "overview": _overview(study.summary),
-        "agreement": _agreement_summary(cells),
+        "agreement": agreement_section.counts(cells),
+        "statements": agreement_section.statements_of(cells),
         "cells": cells,
         "contradictions": CONTRADICTIONS,
         "tables": _tables(study, cells),
@@ -219,6 +230,7 @@ def render(study: Study) -> str:
         },
         "ledgers": study.ledgers,
         "methods": comparison.section(*study.methods),
+        "outdoor": outdoor_figure.section(*study.outdoor),
         "field": _plain(study.field_table),
         "field_pictures": {
             sample: base64.b64encode(png).decode("ascii")
@@ -302,42 +314,6 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
         }
         for key, group in summary.groupby(keys, sort=False)
     ]
-
-
-def _cells(agreement: pd.DataFrame | None) -> dict[str, dict[str, Any]]:
-    """Rows of the agreement by item."""
-    if agreement is None:
-        return {}
-    rows = agreement.to_dict(orient="records")
-    return {
-        str(row["item"]): {
-            **{str(name): value for name, value in row.items()},
-            "within": str(row["within"]).lower() == "true",
-        }
-        for row in rows
-    }
-
-
-def _agreement_summary(cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """How many cells are within their tolerance: per quantity for every table, and in all."""
-    if not cells:
-        return []
-    rows = printed_rows()
-    numbers = list(dict.fromkeys(row.table for row in rows))
-    counts = []
-    for quantity in TOLERANCES:
-        judged = {
-            number: [cells[row.item(quantity)]["within"] for row in rows if row.table == number]
-            for number in numbers
-        }
-        judged["all"] = [verdict for verdicts in judged.values() for verdict in verdicts]
-        counts.append(
-            {
-                "quantity": quantity,
-                "of": {name: (sum(verdicts), len(verdicts)) for name, verdicts in judged.items()},
-            }
-        )
-    return counts
 
 
 def _tables(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:

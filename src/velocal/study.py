@@ -16,6 +16,7 @@ import pandas as pd
 import yaml
 
 from velocal.errors import ConfigError
+from velocal.outdoor_sheet import OutdoorSample, check_outdoor
 from velocal.sensors import SCANNERS
 
 #: Windows of a surveyed sample, and the only one of a field sample.
@@ -48,29 +49,6 @@ class Sample:
     def windows(self) -> tuple[str, ...]:
         """Windows that are reduced."""
         return (WHOLE,) if self.position is None else WINDOWS
-
-
-@dataclass(frozen=True)
-class OutdoorSample:
-    """A recording of panels outdoors, as its row of the sheet has it."""
-
-    name: str
-    kind: str
-    scanner: str
-    scene: str
-    recording: str
-    calibration: str
-    distance_m: float
-    azimuth_deg: float
-
-    @classmethod
-    def of(cls, row: Mapping[str, str]) -> OutdoorSample:
-        """Sample of a row."""
-        place = float(row["distance_m"]), float(row["azimuth_deg"])
-        kind, scanner, scene = row["kind"], row["scanner"], row["scene"]
-        return cls(
-            row["sample"], kind, scanner, scene, row["recording"], row["calibration"], *place
-        )
 
 
 @dataclass(frozen=True)
@@ -294,7 +272,7 @@ def _check_references(study: Study, where: str) -> None:
             raise ConfigError(
                 f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
             )
-    _check_outdoor(study, where)
+    check_outdoor(study.outdoor, study.factories, config, where)
     if not study.surveyed:
         return
     for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):
@@ -323,28 +301,6 @@ def _check_references(study: Study, where: str) -> None:
                 )
     if "methods" in config:
         _check_methods(study, config["methods"], where)
-
-
-def _check_outdoor(study: Study, where: str) -> None:
-    """Check that outdoor samples have parameter sets of their unit, and figures have samples."""
-    known = {(sample.kind, sample.scanner) for sample in study.outdoor.values()}
-    for sample in study.outdoor.values():
-        if study.factories.get(sample.scanner) != sample.calibration:
-            raise ConfigError(
-                f"outdoor sample {sample.name!r}: {sample.calibration!r} is no calibration file "
-                f"of a surveyed sample of {sample.scanner}",
-                where=where,
-                allowed=", ".join(f"{path} ({unit})" for unit, path in study.factories.items()),
-                hint="Parameter sets are made from surveyed samples of the same unit.",
-            )
-    for number, chosen in study.config.get("outdoor", {}).get("figures", {}).items():
-        if tuple(chosen) not in known or number in study.config.get("figures", {}):
-            raise ConfigError(
-                f"outdoor.figures.{number}: no {chosen[0]} samples of {chosen[1]}, or a figure of "
-                "that number elsewhere",
-                where=where,
-                allowed=", ".join(" ".join(pair) for pair in sorted(known)),
-            )
 
 
 def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:

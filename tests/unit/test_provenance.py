@@ -1,5 +1,9 @@
 """Digest of the library files behind a script."""
 
+from pathlib import Path
+
+import pytest
+
 from velocal import provenance
 
 
@@ -46,3 +50,21 @@ def test_digest_changes_with_the_content(tmp_path, monkeypatch):
 
 def test_versions_name_what_matters():
     assert {"python", "velocal", "numpy", "matplotlib", "snakemake"} <= set(provenance.versions())
+
+
+SCRIPTS = sorted((Path(__file__).parents[2] / "scripts").glob("*.py"))
+#: Scripts that may know the paper's numbers: they compare, or tune the simulator.
+COMPARE = {
+    "compare_with_paper", "write_report", "replicate_study", "summarise_seeds", "tune_world",
+}  # fmt: skip
+#: Scripts that may know how the world is simulated: they make it, or repeat all of it.
+SIMULATE = {"replicate_study", "summarise_seeds", "tune_world", "coverage"}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_nothing_downstream_can_know_the_papers_numbers_or_the_world(script):
+    names = {f.relative_to(provenance.PACKAGE).as_posix() for f in provenance.library_files(script)}
+    printed = {name for name in names if name.startswith("data/published")}
+    assert bool(printed) == (script.stem in COMPARE)
+    world = {name for name in names if name.startswith("simulation/")} - {"simulation/__init__.py"}
+    assert bool(world) == (script.stem in SIMULATE or script.stem.startswith("simulate_"))

@@ -5,7 +5,7 @@ import pytest
 from compare_with_paper import main
 from results_helpers import TABLES, statistics
 
-from velocal import published, storage, tables
+from velocal import published, statements, storage, tables
 from velocal.errors import VelocalError
 
 _, SUMMARY = statistics()
@@ -135,8 +135,49 @@ def test_script(tmp_path):
     for number, frame in reproduced().groupby("table"):
         parts.append(tmp_path / f"{number}.csv")
         storage.write_csv(parts[-1], frame)
-    main(tmp_path / "summary.csv", parts, tmp_path / "agreement.csv")
-    lines = (tmp_path / "agreement.csv").read_text().splitlines()
+    said = statements.printed()
+    facts = said.rename(columns={"paper": "value"})[["item", "value"]]
+    # What comes from tables and surveys is no fact of its own.
+    own = facts["item"].str.match("lasers|indoor|flatness|base_targets")
+    storage.write_csv(tmp_path / "facts.csv", facts[~own])
+    survey = {
+        "scanner": "HDL-64E",
+        "pose": {"targets": ["A", "B", "C"]},
+        "planes": [
+            {"name": name, "flatness_mean_m": 0.001, "flatness_max_m": 0.004}
+            for name in ("short_wall", "long_wall", "floor")
+        ],
+    }
+    for number, scanner in enumerate(("HDL-64E", "HDL-32E")):
+        storage.write_json(tmp_path / f"{number}.json", survey | {"scanner": scanner})
+    surveys = [tmp_path / "0.json", tmp_path / "1.json"]
+    output = tmp_path / "agreement.csv"
+    main(tmp_path / "summary.csv", parts, surveys, [tmp_path / "facts.csv"], output)
+    lines = output.read_text().splitlines()
     assert lines[0] == "item,paper,reproduced,difference,tolerance,within"
-    assert len(lines) == 1 + 3 * len(ROWS)
+    assert len(lines) == 1 + 3 * len(ROWS) + len(said)
+    assert "text base_targets_64,6.0,3.0,-3.0,0.0,false" in lines
+    assert "text flatness_long_max,5.0,4.0,-1.0,0.75,false" in lines
+    assert "text gcp_mse,0.89,0.89,0.0,0.1335,true" in lines
     assert all(line.endswith((",true", ",false")) for line in lines[1:])
+
+
+def test_statements_that_are_tables_in_other_words():
+    found = statements.of_tables(published.sources_of(SUMMARY, reproduced()))
+    best = SUMMARY.query("scanner == 'HDL-64E' and data == 'validation' and calibration == 'set2'")
+    assert found["indoor_after_64"] == pytest.approx(best["std_cm"].mean())
+    assert found["lasers_after_validation_64"] == pytest.approx(best["complies_zero"].mean())
+
+
+def test_a_statement_that_is_not_reproduced_is_an_error():
+    with pytest.raises(VelocalError, match="statement 'lasers_before_calibration_64'"):
+        statements.agreement({})
+    assert statements.agreement({}, partial=True).empty
+
+
+def test_every_cell_and_statement_has_a_tolerance_of_its_mean():
+    of_mean = statements.tolerances_of_mean()
+    cells = {row.item(quantity) for row in ROWS for quantity in published.TOLERANCES}
+    said = {statements.PREFIX + item for item in statements.printed()["item"]}
+    assert set(of_mean) == cells | said
+    assert (statements.printed()["tolerance_of_mean"] <= statements.printed()["tolerance"]).all()

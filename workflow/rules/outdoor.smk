@@ -6,6 +6,7 @@
 #       {results}/outdoor/{outdoor}.csv             std of s about the plane of every panel, before
 #                                                   and with each set
 #       {results}/outdoor/summary.csv, means.csv    one row per sample; per kind and scanner
+#       {results}/outdoor/facts.csv                 the means as items and values
 #       {results}/figures/figure_NN.{svg,png,csv}   std against distance, all on one scale
 #
 # The recordings are short: index, decoding and planes of one are a single job.
@@ -25,7 +26,7 @@ def outdoor_sample(wildcards):
 def outdoor_files():
     """What the study asks for."""
     return [
-        *[f"{RESULTS}/outdoor/{n}.csv" for n in ("summary", "means") if STUDY.outdoor],
+        *[f"{RESULTS}/outdoor/{n}.csv" for n in ("means", "summary") if STUDY.outdoor],
         *expand(
             f"{RESULTS}/figures/figure_{{number}}.{{suffix}}",
             number=OUTDOOR_FIGURES,
@@ -85,6 +86,7 @@ rule summarise_outdoor:
     output:
         summary=f"{RESULTS}/outdoor/summary.csv",
         means=f"{RESULTS}/outdoor/means.csv",
+        facts=f"{RESULTS}/outdoor/facts.csv",
         figures=[f for f in outdoor_files() if "/figures/" in f],
     log:
         f"{RESULTS}/logs/summarise_outdoor.log",

@@ -77,7 +77,10 @@ class Cloud:
         rotation_rate_hz: float,
         parameters: ParameterSet,
     ) -> Cloud:
-        """Compute the points of medians: columns ``laser_id``, ``azimuth``, ``distance``."""
+        """Compute the points of medians, or of returns that are not empty.
+
+        Columns ``laser_id``, ``azimuth``, ``distance``.
+        """
         laser_id = medians["laser_id"]
         rate = 2.0 * np.pi * rotation_rate_hz
         phi = angle_from_ticks(medians["azimuth"], laser_id, scanner, rate)
@@ -117,6 +120,8 @@ class Search:
         Largest angle between beam and normal.
     seed : int
         Seed of the random search.
+    min_lasers : int
+        Lasers that must see a plane.
     """
 
     planes: int
@@ -125,6 +130,7 @@ class Search:
     min_points: int
     incidence_rad: float
     seed: int
+    min_lasers: int = MIN_LASERS
 
     @classmethod
     def from_config(cls, search: Mapping[str, Any]) -> Search:
@@ -245,10 +251,10 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPl
 
 def _check_size(cloud: Cloud, rows: Rows, search: Search) -> None:
     lasers = len(np.unique(cloud.laser_id[rows]))
-    if len(rows) < search.min_points or lasers < MIN_LASERS:
+    if len(rows) < search.min_points or lasers < search.min_lasers:
         raise SurveyError(
             f"{len(rows)} points of {lasers} lasers",
-            allowed=f"{search.min_points} points of {MIN_LASERS} lasers, or more",
+            allowed=f"{search.min_points} points of {search.min_lasers} lasers, or more",
         )
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 import yaml
 
 from velocal.errors import ConfigError
+from velocal.outdoor_sheet import OutdoorSample, check_outdoor
 from velocal.sensors import SCANNERS
 
 #: Windows of a surveyed sample, and the only one of a field sample.
@@ -60,15 +61,18 @@ class Study:
         As written.
     surveyed, field : dict of str to Sample
         Samples with and without a survey.
+    outdoor : dict of str to OutdoorSample
+        Samples of panels outdoors.
     """
 
     config: Mapping[str, Any]
     surveyed: dict[str, Sample]
     field: dict[str, Sample]
+    outdoor: dict[str, OutdoorSample]
 
     @property
     def samples(self) -> dict[str, Sample]:
-        """All samples."""
+        """Samples with and without a survey, not those outdoors."""
         return {**self.surveyed, **self.field}
 
     @property
@@ -237,7 +241,12 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
             )
             for row in rows
         }  # fmt: skip
-    study = Study(config, surveyed, field)
+    outdoor: dict[str, OutdoorSample] = {}
+    if "outdoor" in config:
+        sheet = Path(config["outdoor"]["samples"])
+        rows = read_sheet(sheet, read_yaml(schemas / "outdoor_samples.schema.yaml"))
+        outdoor = {row["sample"]: OutdoorSample.of(row) for row in rows}
+    study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)
     return study
 
@@ -247,9 +256,10 @@ def _check_references(study: Study, where: str) -> None:
     config = study.config
     if not study.samples:
         raise ConfigError("names no sample", where=where, hint="Give `samples` or `field`.")
-    both = sorted(set(study.surveyed) & set(study.field))
-    if both:
-        raise ConfigError(f"sample {both[0]!r} is surveyed and field", where=where)
+    names = [*study.surveyed, *study.field, *study.outdoor]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"sample {name!r} stands in two sheets", where=where)
     for sample in study.samples.values():
         if sample.scanner not in SCANNERS:
             raise ConfigError(
@@ -274,6 +284,7 @@ def _check_references(study: Study, where: str) -> None:
             raise ConfigError(
                 f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
             )
+    check_outdoor(study.outdoor, study.factories, config, where)
     if not study.surveyed:
         return
     for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):
@@ -347,7 +358,8 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
     named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
     if not named:
         named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
-    for sample in study.samples.values():
+    every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
+    for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording
         if sample.calibration != "nominal":
             named[f"calibration of sample {sample.name!r}"] = sample.calibration

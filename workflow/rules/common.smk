@@ -45,7 +45,7 @@ wildcard_constraints:
     scanner=one_of(dict.fromkeys(s.scanner for s in STUDY.samples.values())),
     parameter_set=r"\w+",
     table=r"\d",
-    figure=r"\d\d",
+    figure=one_of(FIGURES),
     seed=r"\d+",
 
 
@@ -119,8 +119,9 @@ def figure_input(wildcards):
 
 
 def field_files():
+    table = [f"{RESULTS}/field/table.csv"] if STUDY.field else []
     return [
-        f"{RESULTS}/field/table.csv",
+        *table,
         *expand(
             f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
             sample=STUDY.field,
@@ -146,6 +147,4 @@ def targets():
             wanted += [
                 f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners
             ]
-    if STUDY.field:
-        wanted += field_files()
-    return wanted
+    return wanted + field_files() + outdoor_files()

@@ -110,7 +110,7 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: field, positions, warmth, units, seed."""
+    """The whole world: seed, field, positions, warmth, units, outdoor scenes."""
 
     seed: int
     field: Mapping[str, Any]
@@ -118,6 +118,7 @@ class World:
     warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
     survey: Mapping[str, Any]
+    outdoor: Mapping[str, Any] | None = None
 
     def rng(self, *stream: str) -> np.random.Generator:
         """Random stream of its own for every name: a new sample changes no other."""
@@ -222,4 +223,5 @@ def load(content: Mapping[str, Any]) -> World:
         warmth,
         scanners,
         content["survey"],
+        content.get("outdoor"),
     )

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.dialects import Dialect
+from velocal.dialects import PAPER, Dialect, dialect_named
 from velocal.errors import DialectError
 from velocal.parameters import NEAR_POINT, TWO_POINT, ParameterSet
 
@@ -160,6 +160,16 @@ def convert(
             + (", or state the rotation rate (--rate-hz)." if turned else "."),
         )
     return result
+
+
+def exported(parameters: ParameterSet, dialect: str) -> ParameterSet:
+    """Numbers of a refined set for the program of that name.
+
+    The set has one distance correction per laser, found at the ranges of its walls; so readers
+    with a two-point correction get it for the near points too. What is left are rotational
+    corrections that a program ignores, and azimuths that it interpolates otherwise.
+    """
+    return convert(parameters, PAPER, dialect_named(dialect), inexact=True)
 
 
 def differences(

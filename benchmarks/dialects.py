@@ -1,6 +1,8 @@
-"""Tables of docs/dialects.md: how far points of the same file are apart, and what conversion leaves.
+"""Tables of docs/dialects.md: how far points of one file are apart, and what conversion leaves.
 
-Usage: python benchmarks/dialects.py CALIBRATION... [--write]      (HDL-64E files; --write edits the doc)
+Usage: python benchmarks/dialects.py CALIBRATION... [--write]
+
+The calibrations are of HDL-64E; --write puts the tables into the document.
 """
 
 import re
@@ -36,7 +38,8 @@ def differences(path: Path) -> str:
     mrpt = replace(DIALECTS["mrpt"], alpha=True)
     programs = {name: (dialect, None) for name, dialect in DIALECTS.items() if dialect != MANUAL}
     programs["mrpt, if it applied alpha"] = (mrpt, None)
-    programs["velodyne_decoder, turning at 10 Hz"] = (DIALECTS["velodyne_decoder"], "HDL-64E")
+    for name in ("veloview", "velodyne_decoder"):
+        programs[f"{name}, turning at 10 Hz"] = (DIALECTS[name], "HDL-64E")
     lines = [
         row(f"`{path.name}`", *(f"{range_m:g} m" for range_m in RANGES_M)),
         row("---", *["---"] * len(RANGES_M)),

@@ -216,7 +216,7 @@ DIALECTS: dict[str, Dialect] = {
             "Kitware VeloView, vtkVelodyneLegacyPacketInterpreter.cxx "
             "and VelodynePacketInterpreterCommon.cxx",
             reach=-1,
-            interpolates=_BY_TIME,
+            interpolates=("HDL-64E", *_BY_TIME),
         ),
         Dialect("pcl", "PointCloudLibrary/pcl, io/src/hdl_grabber.cpp"),
         Dialect(

@@ -1,6 +1,8 @@
 """Dialects against the formulas of the programs, and velodyne-decoder itself."""
 
+import importlib.util
 import itertools
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -246,3 +248,40 @@ def test_points_of_the_model_are_the_dialect_of_the_paper():
         rtol=0,
         atol=1e-13,
     )
+
+
+# -- the tables of the document --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def benchmark(root):
+    spec = importlib.util.spec_from_file_location("dialect_tables", root / "benchmarks/dialects.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_what_exports_leave_stands_in_the_document(benchmark):
+    text = benchmark.DOC.read_text()
+    assert benchmark.inserted(text, "leftovers", benchmark.tables([])["leftovers"]) == text
+
+
+def test_differences_of_real_units_stand_in_the_document(benchmark, shared):
+    """Programs differ by 1 to 27 cm (mrpt, which ignores rotational corrections, by metres)."""
+    text = benchmark.DOC.read_text()
+    table = benchmark.tables([shared / "calibrations" / name for name in HDL64E])["differences"]
+    assert benchmark.inserted(text, "differences", table) == text
+    rows = [
+        line for line in table.splitlines() if " / " in line and not line.startswith("| mrpt |")
+    ]
+    largest = [float(size) for line in rows for size in re.findall(r"/ ([\d.]+)", line)]
+    assert len(largest) == 2 * 9 * 4
+    assert 26.0 < max(largest) < 27.0
+    assert np.mean([size >= 1.0 for size in largest]) > 0.8
+
+
+def test_every_dialect_is_described(benchmark):
+    text = benchmark.DOC.read_text()
+    for name, dialect in DIALECTS.items():
+        (line,) = re.findall(rf"^\| `{name}` .*", text, re.MULTILINE)
+        assert all(part in line for part in re.findall(r"[\w/]+\.(?:cc|cpp|cxx)", dialect.source))

@@ -55,6 +55,7 @@ def draw_differences(
                 label=f"at {range_m:g} m",
             )
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter("{x:g}")
         ax.set_ylim(0.5 * shown.min(), 2.0 * shown.max())
         ax.set_xlabel("laser")
         ax.set_ylabel("largest difference, cm")

@@ -117,6 +117,14 @@ def test_what_cannot_be_converted_is_refused_and_quantified(source, target, why)
     assert conversion.apart((one, parameters), (other, found)).max() > 1e-3
 
 
+@pytest.mark.parametrize("name", ["ros", "veloview", "manual", "velodyne_decoder", "pcl"])
+def test_exported_sets_give_every_reader_the_points_of_the_model(name):
+    """Whatever near-point corrections the factory's file carried: the set has one dl."""
+    refined = some_lasers(np.random.default_rng(12)).corrected({"dl": np.full(40, 0.02)})
+    found = conversion.exported(refined, name)
+    assert conversion.apart((PAPER, refined), (DIALECTS[name], found)).max() < 1e-12
+
+
 def test_the_distance_of_mrpt_has_a_pole():
     """Where sin^2 v = cos v, moving along the beam undoes what the offset does."""
     pole = np.arccos((np.sqrt(5.0) - 1.0) / 2.0)
@@ -275,7 +283,7 @@ def test_differences_of_real_units_stand_in_the_document(benchmark, shared):
         line for line in table.splitlines() if " / " in line and not line.startswith("| mrpt |")
     ]
     largest = [float(size) for line in rows for size in re.findall(r"/ ([\d.]+)", line)]
-    assert len(largest) == 2 * 9 * 4
+    assert len(largest) == 2 * 10 * 4
     assert 26.0 < max(largest) < 27.0
     assert np.mean([size >= 1.0 for size in largest]) > 0.8
 

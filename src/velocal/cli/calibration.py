@@ -85,12 +85,12 @@ def show(
         if value:
             top.add_row(f"[bold]{key}[/]", escape(value if isinstance(value, str) else str(value)))
     console.print(top)
-    table = Table("laser", *(SHORT.get(name, name) for name in columns))
-    for column in table.columns:
-        column.justify = "right"
-    for laser in range(len(found.parameters)):
-        table.add_row(str(laser), *(f"{values[laser]:.7g}" for values in columns.values()))
-    console.print(table)
+    # Plain lines: a table would be cut to the width of the terminal, and lose digits.
+    texts = {"laser": [str(laser) for laser in range(len(found.parameters))]}
+    texts |= {SHORT.get(k, k): [f"{x:.6g}" for x in values] for k, values in columns.items()}
+    widths = [max(map(len, (name, *cells))) for name, cells in texts.items()]
+    for row in (texts.keys(), *zip(*texts.values(), strict=True)):
+        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
 
 
 @app.command()

@@ -1,7 +1,8 @@
 """Flat table of returns: the rotations that were asked for, decoded and streamed to Parquet.
 
 Rows keep the order of the wire. The rows of one firing follow one another, as many as the
-scanner has lasers in a firing (32, or 16 for a VLP-16).
+scanner has lasers in a firing (32, or 16 for a VLP-16). Of two returns of a shot one is chosen,
+or both follow as they came.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal import schemas, storage
-from velocal.packets import BLOCKS, decode
+from velocal.packets import decode
+from velocal.recording.reading import ANY, Choice
 from velocal.recording.rotations import RotationIndex
 from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
@@ -29,6 +31,9 @@ def write_returns(
     scanner: Scanner,
     path: Path,
     progress: Progress | None = None,
+    *,
+    returns: str = "strongest",
+    choice: Choice = ANY,
 ) -> int:
     """Decode rotations of a recording into a Parquet file of returns.
 
@@ -46,6 +51,10 @@ def write_returns(
         Parquet file to write (`schemas.RETURNS`).
     progress : callable, optional
         Called with the number of packets decoded so far.
+    returns : {"strongest", "last", "both"}
+        Which return, where a shot has two. With both, a shot has two rows.
+    choice : Choice
+        Which of several scanners, as when it was indexed.
 
     Returns
     -------
@@ -58,11 +67,13 @@ def write_returns(
         "rotations": len(rotations),
         "rotation_rate_hz": index.rate_hz(rotations),
         "lasers_per_firing": scanner.lasers_per_firing,
+        "distance_tick_m": scanner.distance_tick_m,
+        "returns": returns,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        for chunk, rotation in read_rotations(recording, index, rotations):
-            firings = decode(chunk.payloads, scanner)
-            of_firing = np.repeat(rotation.reshape(-1), len(firings) // (len(rotation) * BLOCKS))
+        for chunk, rotation in read_rotations(recording, index, rotations, choice):
+            firings = decode(chunk.payloads, scanner, returns)
+            of_firing = rotation.reshape(-1)[firings.block]
             keep = of_firing >= 0
             width = scanner.lasers_per_firing
             count = int(keep.sum())
@@ -73,6 +84,7 @@ def write_returns(
                 "laser_id": firings.laser_id()[keep].reshape(-1),
                 "distance": firings.distance[keep].reshape(-1),
                 "intensity": firings.intensity[keep].reshape(-1),
+                "return": np.repeat(firings.which[keep], width),
             }
             writer.write(columns)
             rows += count * width

@@ -12,20 +12,16 @@ from defusedxml import ElementTree
 
 from velocal import beam_model, parameters
 from velocal.packets import BLOCKS, decode, view
-from velocal.recording import framing
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.ledger import Ledger
+from velocal.recording.reading import open_recording
 from velocal.recording.rotations import inspect
 from velocal.recording.windows import read_rotations
 from velocal.sensors import AZIMUTH_TICKS, SCANNERS
 
 
 def sound_payloads(path) -> np.ndarray:
-    kind = framing.detect(path)
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        chunks = list(kind.chunks(file, kind.first_packet, size, Ledger(size)))
-    return np.concatenate([chunk.payloads for chunk in chunks])
+    return np.concatenate([c.payloads for c in open_recording(path).packets(Ledger(0))])
 
 
 def flat(payloads, scanner):
@@ -223,7 +219,8 @@ def test_vlp16_frames(vlp16):
 
 def test_vlp16_says_it_is_an_hdl32e(vlp16):
     found = inspect(vlp16)
-    assert [scanner.name for scanner in candidates(found)] == ["VLP-16"]
+    # They differ by their product byte only.
+    assert [fit.name for fit in candidates(found)] == ["VLP-16", "VLP-16-Hi-Res"]
     (remark,) = check_scanner(found, SCANNERS["VLP-16"], "vlp16")
     assert "0x21" in remark
 

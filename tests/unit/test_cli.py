@@ -1,6 +1,7 @@
 """The command line as a user meets it."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -16,7 +17,12 @@ def velocal(*arguments):
         [sys.executable, "-m", "velocal.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
-        env={"PATH": "", "COLUMNS": "100", "NO_COLOR": "1"},
+        env={
+            "PATH": "",
+            "COLUMNS": "100",
+            "NO_COLOR": "1",
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
 

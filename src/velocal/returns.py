@@ -7,7 +7,7 @@ or both follow as they came.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,9 @@ from velocal.recording.reading import ANY, Choice
 from velocal.recording.rotations import RotationIndex
 from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
+
+#: Packets that are decoded together, and make one row group of the file whatever the container.
+PACKETS = 6400
 
 Progress = Callable[[int], None]
 
@@ -71,8 +74,9 @@ def write_returns(
         "returns": returns,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        for chunk, rotation in read_rotations(recording, index, rotations, choice):
-            firings = decode(chunk.payloads, scanner, returns)
+        parts = read_rotations(recording, index, rotations, choice)
+        for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
+            firings = decode(payloads, scanner, returns)
             of_firing = rotation.reshape(-1)[firings.block]
             keep = of_firing >= 0
             width = scanner.lasers_per_firing
@@ -88,7 +92,26 @@ def write_returns(
             }
             writer.write(columns)
             rows += count * width
-            packets += len(chunk.payloads)
+            packets += len(payloads)
             if progress is not None:
                 progress(packets)
     return rows
+
+
+_Part = tuple[NDArray[np.uint8], NDArray[np.int64]]
+
+
+def _evenly(parts: Iterable[_Part]) -> Iterator[_Part]:
+    """Payloads and rotations of their blocks, `PACKETS` at a time."""
+    held: list[_Part] = []
+    n = 0
+    for part in parts:
+        held.append(part)
+        n += len(part[0])
+        while n >= PACKETS:
+            payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
+            yield payloads[:PACKETS], rotation[:PACKETS]
+            held, n = [(payloads[PACKETS:], rotation[PACKETS:])], n - PACKETS
+    if n:
+        payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
+        yield payloads, rotation

@@ -73,8 +73,8 @@ class Unpacked:
     def end(self) -> int:
         """Number of unpacked bytes, known at the end."""
         while not self._ended:
-            self._kept += self._more()
-            del self._kept[:-KEPT_BYTES]
+            self._at = self._begin + len(self._kept)
+            self.read(MOST_BYTES)
         return self._begin + len(self._kept)
 
     def _more(self) -> bytes:

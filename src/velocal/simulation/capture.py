@@ -14,7 +14,6 @@ from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.sensors import (
     AZIMUTH_TICK_DEG,
     AZIMUTH_TICKS,
-    DISTANCE_TICK_M,
     SCANNERS,
     Scanner,
 )
@@ -74,7 +73,7 @@ def _shots(world: World, scanner: Scanner, position: str) -> _Shots:
             + pattern[:, laser]
         )
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
+        ticks[seen, laser] = measured[seen] / scanner.distance_tick_m
         intensity[seen, laser] = reflectance[surface[seen]]
     return _Shots(ticks, intensity)
 
@@ -107,8 +106,10 @@ def records(
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
     shots = _shots(world, scanner, position)
-    noise_ticks = (unit_truth(world, scanner_name).noise_m / DISTANCE_TICK_M).astype(np.float32)
-    drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
+    noise_ticks = (unit_truth(world, scanner_name).noise_m / scanner.distance_tick_m).astype(
+        np.float32
+    )
+    drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
     # One rotation more and a bit: the recording begins and ends in the middle of one.
@@ -129,7 +130,9 @@ def records(
         at = firing_time.ravel() / (packets * packet_interval)
         # Drift from beginning over middle to end, steady within a packet.
         shift = _between(drift_ticks, at)
-        distance = _measure(rng, shots.ticks[ticks], shift, noise_ticks, unit)
+        distance = _measure(
+            rng, shots.ticks[ticks], shift, noise_ticks, unit, scanner.distance_tick_m
+        )
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
@@ -160,13 +163,14 @@ def _measure(
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
     unit: ScannerWorld,
+    tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""
     shots = ideal + shift
     shots += rng.standard_normal(shots.shape, dtype=np.float32) * noise_ticks
     outliers = int(rng.binomial(shots.size, unit.errors.outlier_share))
     where = rng.integers(0, shots.size, outliers)
-    size = unit.errors.outlier_cm * 1e-2 / DISTANCE_TICK_M
+    size = unit.errors.outlier_cm * 1e-2 / tick_m
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan

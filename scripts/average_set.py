@@ -32,15 +32,18 @@ def main(
     samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
     means = {kind: average(samples, kind) for kind in ("equal", "covariance")}
     chosen = means[weights]
-    factory = formats.read_or_nominal(calibration, scanner_named(scanner))
+    known = scanner_named(scanner)
+    factory, tick_m = formats.read_or_nominal(calibration, known), known.distance_tick_m
     parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
     sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
     sources |= {"calibration": calibration.name if calibration else "nominal", "weights": weights}
     provenance, std = {"velocal": __version__, **sources}, {k: e.std for k, e in chosen.items()}
-    found = Calibration(parameters, "paper", scanner, std=std, provenance=provenance)
+    found = Calibration(parameters, "paper", scanner, tick_m, std=std, provenance=provenance)
     for suffix, path in files.items():
         numbers = exported(parameters, export[suffix]) if suffix in export else None
-        formats.write(path, Calibration(numbers, export[suffix]) if numbers else found)
+        formats.write(
+            path, Calibration(numbers, export[suffix], tick_m=tick_m) if numbers else found
+        )
     columns = scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS)
     storage.write_csv(scatter, columns)
 

@@ -37,6 +37,10 @@ class Sample:
         Path of the capture.
     calibration : str
         Path of the factory's calibration file, or "nominal".
+    port : int or None
+        UDP port to which the scanner sent; any if None.
+    address : str or None
+        Address from which it sent, or the topic of a bag; any if None.
     """
 
     name: str
@@ -44,6 +48,8 @@ class Sample:
     position: str | None
     recording: str
     calibration: str
+    port: int | None = None
+    address: str | None = None
 
     @property
     def windows(self) -> tuple[str, ...]:
@@ -226,10 +232,11 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
         rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
         surveyed = {
             row["sample"]: Sample(
-                row["sample"], row["scanner"], row["position"], row["recording"], row["calibration"]
+                row["sample"], row["scanner"], row["position"], row["recording"],
+                row["calibration"], *_choice(row),
             )
             for row in rows
-        }
+        }  # fmt: skip
     if "field" in config:
         sheet = Path(config["field"]["samples"])
         folder = Path(config["field"]["recordings"])
@@ -237,7 +244,7 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
         field = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], None,
-                str(folder / row["recording"]), row["calibration"],
+                str(folder / row["recording"]), row["calibration"], *_choice(row),
             )
             for row in rows
         }  # fmt: skip
@@ -249,6 +256,12 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)
     return study
+
+
+def _choice(row: Mapping[str, str]) -> tuple[int | None, str | None]:
+    """Port and address of a row; an empty cell or no column is any."""
+    port = row.get("port")
+    return int(port) if port else None, row.get("address") or None
 
 
 def _check_references(study: Study, where: str) -> None:

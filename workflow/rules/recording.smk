@@ -21,6 +21,8 @@ rule index_recording:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
         library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
@@ -40,6 +42,9 @@ rule decode_returns:
         mem_mb=800,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
+        which=config["reduction"].get("return", "strongest"),
         length=config.get("windows", {}).get("rotations"),
         library=library("decode_returns"),
     script:

@@ -93,7 +93,7 @@ def dialect_of(found: Calibration, path: Path) -> Dialect:
     return MANUAL if found.dialect is None else dialect_named(found.dialect, where=str(path))
 
 
-def read(path: Path, n_lasers: int) -> ParameterSet:
+def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> ParameterSet:
     """Read a calibration file of any format as parameters of equations (1) to (3).
 
     Numbers that were written for another dialect are converted. Near-point corrections of the
@@ -102,14 +102,15 @@ def read(path: Path, n_lasers: int) -> ParameterSet:
     Raises
     ------
     CalibrationFileError
-        As `read_calibration`; also for a distance tick other than the scanner's 2 mm.
+        As `read_calibration`; also for a distance tick other than the scanner's `tick_m`.
     """
     found = read_calibration(path, n_lasers)
-    if found.tick_m != DISTANCE_TICK_M:
+    # Old files of scanners with another tick do not say which.
+    if found.tick_m not in (tick_m, DISTANCE_TICK_M):
         raise CalibrationFileError(
             f"is made for a distance tick of {found.tick_m:g} m",
             where=str(path),
-            allowed=f"{DISTANCE_TICK_M} m",
+            allowed=f"{tick_m} m",
             hint="Is this the file of another scanner?",
         )
     if found.dialect is None:
@@ -134,4 +135,6 @@ def write(path: Path, found: Calibration | ParameterSet) -> None:
 
 def read_or_nominal(path: Path | None, scanner: Scanner) -> ParameterSet:
     """Read a calibration file, or take the nominal values of the scanner where there is none."""
-    return nominal(scanner) if path is None else read(path, scanner.n_lasers)
+    if path is None:
+        return nominal(scanner)
+    return read(path, scanner.n_lasers, scanner.distance_tick_m)

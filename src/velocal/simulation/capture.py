@@ -14,7 +14,6 @@ from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.sensors import (
     AZIMUTH_TICK_DEG,
     AZIMUTH_TICKS,
-    DISTANCE_TICK_M,
     SCANNERS,
     Scanner,
 )
@@ -77,8 +76,8 @@ def shots_at(world: World, scanner_name: str, position: str | Scene) -> Shots:
         length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
         measured = truth.raw(length, lasers) + scene.errors[:, laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
-        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
+        ticks[seen, laser] = measured[seen] / scanner.distance_tick_m
+        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
         intensity[seen, laser] = scene.reflectance[surface[seen]]
     return Shots(ticks, noise, intensity)
 
@@ -124,7 +123,7 @@ def records(
     if shots is None:
         shots = shots_at(world, scanner_name, position)
     between = position.between if isinstance(position, Scene) else None
-    drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
+    drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
     # One rotation more and a bit: the recording begins and ends in the middle of one.
@@ -147,7 +146,8 @@ def records(
         ideal = shots.ticks[ticks]
         if between is not None:
             ideal = between(rng, firing_time.ravel(), np.deg2rad(angle), ideal)
-        distance = _measure(rng, ideal, shift, shots.noise[ticks], unit)
+        noise = shots.noise[ticks]
+        distance = _measure(rng, ideal, shift, noise, unit, scanner.distance_tick_m)
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
@@ -178,13 +178,14 @@ def _measure(
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
     unit: ScannerWorld,
+    tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""
     shots = ideal + shift
     shots += rng.standard_normal(shots.shape, dtype=np.float32) * noise_ticks
     outliers = int(rng.binomial(shots.size, unit.errors.outlier_share))
     where = rng.integers(0, shots.size, outliers)
-    size = unit.errors.outlier_cm * 1e-2 / DISTANCE_TICK_M
+    size = unit.errors.outlier_cm * 1e-2 / tick_m
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan

@@ -6,7 +6,7 @@ scanner has lasers in a firing (32, or 16 for a VLP-16).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ def write_returns(
     int
         Number of rows.
     """
-    rows = packets = 0
+    rows = 0
     facts: dict[str, Any] = {
         "scanner": scanner.name,
         "rotations": len(rotations),
@@ -60,23 +60,42 @@ def write_returns(
         "lasers_per_firing": scanner.lasers_per_firing,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        for chunk, rotation in read_rotations(recording, index, rotations):
-            firings = decode(chunk.payloads, scanner)
-            of_firing = np.repeat(rotation.reshape(-1), len(firings) // (len(rotation) * BLOCKS))
-            keep = of_firing >= 0
-            width = scanner.lasers_per_firing
-            count = int(keep.sum())
-            columns = {
-                "rotation": np.repeat(of_firing[keep].astype(np.uint32), width),
-                "timestamp": np.repeat(firings.timestamp[keep], width),
-                "azimuth": np.repeat(firings.azimuth[keep], width),
-                "laser_id": firings.laser_id()[keep].reshape(-1),
-                "distance": firings.distance[keep].reshape(-1),
-                "intensity": firings.intensity[keep].reshape(-1),
-            }
+        for columns in returns_of(recording, index, rotations, scanner, progress):
             writer.write(columns)
-            rows += count * width
-            packets += len(chunk.payloads)
-            if progress is not None:
-                progress(packets)
+            rows += len(columns["laser_id"])
     return rows
+
+
+def returns_of(
+    recording: Path,
+    index: RotationIndex,
+    rotations: NDArray[np.int64],
+    scanner: Scanner,
+    progress: Progress | None = None,
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Decode rotations of a recording, some thousand packets at a time.
+
+    Parameters are those of `write_returns`.
+
+    Yields
+    ------
+    dict of str to ndarray
+        Columns of `schemas.RETURNS`.
+    """
+    packets = 0
+    for chunk, rotation in read_rotations(recording, index, rotations):
+        firings = decode(chunk.payloads, scanner)
+        of_firing = np.repeat(rotation.reshape(-1), len(firings) // (len(rotation) * BLOCKS))
+        keep = of_firing >= 0
+        width = scanner.lasers_per_firing
+        yield {
+            "rotation": np.repeat(of_firing[keep].astype(np.uint32), width),
+            "timestamp": np.repeat(firings.timestamp[keep], width),
+            "azimuth": np.repeat(firings.azimuth[keep], width),
+            "laser_id": firings.laser_id()[keep].reshape(-1),
+            "distance": firings.distance[keep].reshape(-1),
+            "intensity": firings.intensity[keep].reshape(-1),
+        }
+        packets += len(chunk.payloads)
+        if progress is not None:
+            progress(packets)

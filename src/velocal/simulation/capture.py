@@ -18,8 +18,8 @@ from velocal.sensors import (
     SCANNERS,
     Scanner,
 )
-from velocal.simulation.scene import cast, surveyed_field
-from velocal.simulation.truth import drift, position_errors, unit_truth
+from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.simulation.truth import drift, unit_truth
 from velocal.simulation.world import ScannerWorld, World
 
 CHUNK_PACKETS = 2048
@@ -59,37 +59,53 @@ class Shots:
     intensity: NDArray[np.uint8]
 
 
-def shots_at(world: World, scanner_name: str, position: str) -> Shots:
-    """Cast the beams of all lasers at every raw azimuth: what all samples of a position share."""
+def shots_at(
+    world: World,
+    scanner_name: str,
+    place: str | Scene,
+    azimuths: NDArray[np.integer] | None = None,
+) -> Shots:
+    """Cast the beams of all lasers: what all samples of a position share.
+
+    Parameters
+    ----------
+    world : World
+    scanner_name : str
+    place : str or Scene
+        Position in the surveyed field, or another scene.
+    azimuths : ndarray of int, optional
+        Raw azimuths to cast at; every one if not given, the others have no return.
+    """
     scanner = SCANNERS[scanner_name]
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
-    pose = world.pose(position)
-    surfaces = surveyed_field(world)
-    reflectance = np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)])
+    scene = place if isinstance(place, Scene) else field_scene(world, scanner_name, place)
+    rows = np.arange(AZIMUTH_TICKS) if azimuths is None else np.unique(azimuths)
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
     noise = np.zeros_like(ticks)
     intensity = np.zeros(ticks.shape, dtype=np.uint8)
-    start = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
+    start = np.deg2rad(rows * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
-    pattern = position_errors(world, scanner.name, position)
     for laser in range(scanner.n_lasers):
-        lasers = np.full(AZIMUTH_TICKS, laser)
+        lasers = np.full(len(rows), laser)
         # A laser that fires late in its firing sees the head turned on.
         phi = start + rate * scanner.firing_offset_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
-        length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
-        measured = truth.raw(length, lasers) + pattern[:, laser]
+        length, surface = cast(
+            scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
+        )
+        measured = truth.raw(length, lasers) + scene.errors[rows, laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
-        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
-        intensity[seen, laser] = reflectance[surface[seen]]
+        at = rows[seen]
+        ticks[at, laser] = measured[seen] / DISTANCE_TICK_M
+        noise[at, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
+        intensity[at, laser] = scene.reflectance[surface[seen]]
     return Shots(ticks, noise, intensity)
 
 
 def records(
     world: World,
     scanner_name: str,
-    position: str,
+    position: str | Scene,
     sample: str,
     rotations: int,
     progress: Callable[[int, int], None] | None = None,
@@ -100,8 +116,10 @@ def records(
     Parameters
     ----------
     world : World
-    scanner_name, position, sample : str
-        Scanner, position and name of the sample; the name selects its random stream.
+    scanner_name, sample : str
+        Scanner and name of the sample; the name selects its random stream.
+    position : str or Scene
+        Position in the surveyed field, or another scene.
     rotations : int
         Complete rotations that the recording holds at least.
     progress : callable, optional
@@ -116,8 +134,6 @@ def records(
     """
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
-    if shots is None:
-        shots = shots_at(world, scanner_name, position)
     drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
@@ -126,17 +142,24 @@ def records(
     first_angle = rng.uniform(0.0, 360.0)
     first_stamp = int(rng.integers(0, _HOUR_US))
     header = np.frombuffer(_network_header(), dtype=np.uint8)
+    within_packet = np.arange(firings_per_packet) * (packet_interval / firings_per_packet)
+
+    def fired(number: NDArray[np.int64]) -> NDArray[np.float64]:
+        return np.asarray((number[:, None] * packet_interval + within_packet).ravel())
+
+    if shots is None:
+        azimuths = None
+        if packets * firings_per_packet < AZIMUTH_TICKS:  # comes past few azimuths only
+            azimuths = _ticks(first_angle + _turned(fired(np.arange(packets)), unit))
+        shots = shots_at(world, scanner_name, position, azimuths)
     for begin in range(0, packets, CHUNK_PACKETS):
         number = np.arange(begin, min(begin + CHUNK_PACKETS, packets))
         time = number.astype(np.float64) * packet_interval
-        firing_time = time[:, None] + np.arange(firings_per_packet) * (
-            packet_interval / firings_per_packet
-        )
-        angle = first_angle + _turned(firing_time.ravel(), unit)
-        ticks = np.rint(angle / AZIMUTH_TICK_DEG).astype(np.int64) % AZIMUTH_TICKS
-        step = unit.encoder_step_ticks
-        azimuth = np.rint(angle / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step % AZIMUTH_TICKS
-        at = firing_time.ravel() / (packets * packet_interval)
+        firing_time = fired(number)
+        angle = first_angle + _turned(firing_time, unit)
+        ticks = _ticks(angle)
+        azimuth = _ticks(angle, unit.encoder_step_ticks)
+        at = firing_time / (packets * packet_interval)
         shift = _between(drift_ticks, at)
         distance = _measure(rng, shots.ticks[ticks], shift, shots.noise[ticks], unit)
         intensity = shots.intensity[ticks] + rng.integers(
@@ -146,6 +169,12 @@ def records(
         yield _packed(scanner, number, time, azimuth, distance, intensity, first_stamp, header)
         if progress is not None:
             progress(int(number[-1]) + 1, packets)
+
+
+def _ticks(angle_deg: NDArray[np.float64], step: int = 1) -> NDArray[np.int64]:
+    """Raw azimuth of angles, a multiple of `step`."""
+    turns = np.rint(angle_deg / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step
+    return np.asarray(turns % AZIMUTH_TICKS)
 
 
 def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64]:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.rigid import RigidTransformation
+from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]
@@ -79,6 +81,27 @@ class Surface:
         return np.where(inside, flat, np.inf)
 
 
+@dataclass(frozen=True)
+class Scene:
+    """What a scanner stands in.
+
+    Attributes
+    ----------
+    surfaces : dict of str to Surface
+    reflectance : ndarray
+        Intensity of the returns of each.
+    pose : RigidTransformation
+        `T_scene_scanner`.
+    errors : ndarray, shape (36000, n)
+        Range errors that stay with the place, metres, over raw azimuth; see `position_errors`.
+    """
+
+    surfaces: dict[str, Surface]
+    reflectance: Array
+    pose: RigidTransformation
+    errors: Array
+
+
 def _relief(
     rng: np.random.Generator, size: tuple[float, float], flatness: Mapping[str, float]
 ) -> Relief:
@@ -135,6 +158,17 @@ def surveyed_field(world: World) -> dict[str, Surface]:
         Surface("room_ceiling", corner + top * ez, ex, ey, -ez, (wide, deep)),
     ]
     return {surface.name: surface for surface in surfaces}
+
+
+def field_scene(world: World, scanner: str, position: str) -> Scene:
+    """The surveyed field, seen from a position."""
+    surfaces = surveyed_field(world)
+    return Scene(
+        surfaces,
+        np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)]),
+        world.pose(position),
+        position_errors(world, scanner, position),
+    )
 
 
 def cast(

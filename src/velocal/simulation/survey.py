@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.rigid import RigidTransformation
 from velocal.simulation.scene import surveyed_field
 from velocal.simulation.world import World
 from velocal.survey import Targets
@@ -62,9 +63,12 @@ def base_targets_scanner(world: World, scanner: str) -> Targets:
     return _measured(world.rng("base_scanner", scanner), names, scanner, true, std)
 
 
-def base_targets_field(world: World, scanner: str, position: str) -> Targets:
-    """Targets of a base as surveyed in the field frame at a position."""
-    true = world.pose(position).apply(base_targets_true(world, scanner))
+def base_targets_field(
+    world: World, scanner: str, position: str, pose: RigidTransformation | None = None
+) -> Targets:
+    """Targets of a base as surveyed at a position: in the field frame, or in that of `pose`."""
+    pose = pose or world.pose(position)
+    true = pose.apply(base_targets_true(world, scanner))
     std = world.scanner(scanner).base_field_std_mm * 1e-3
     names = [f"B{i + 1}" for i in range(len(true))]
     return _measured(world.rng("base_field", scanner, position), names, position, true, std)

@@ -107,13 +107,14 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: field, positions, warmth, units, seed."""
+    """The whole world: seed, field, positions, warmth, units, building to be mapped."""
 
     seed: int
     field: Mapping[str, Any]
     positions: Mapping[str, Mapping[str, Any]]
     warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
+    building: Mapping[str, Any] | None = None
 
     def rng(self, *stream: str) -> np.random.Generator:
         """Random stream of its own for every name: a new sample changes no other."""
@@ -122,14 +123,7 @@ class World:
 
     def pose(self, position: str) -> RigidTransformation:
         """True `T_field_scanner` of a position."""
-        where = self.positions[position]
-        # Heading is clockwise from the field's Y axis, as the rotational angle is.
-        turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
-        tilt = rotation_from_vector(
-            np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
-        )
-        translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
-        return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+        return pose_of(self.positions[position])
 
     def without_errors(self) -> World:
         """The same world with perfect shots and survey; only the parameters stay wrong.
@@ -192,6 +186,17 @@ class World:
         return self.scanners[name]
 
 
+def pose_of(where: Mapping[str, Any]) -> RigidTransformation:
+    """True `T_field_scanner` of an entry of `positions`."""
+    # Heading is clockwise from the field's Y axis, as the rotational angle is.
+    turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
+    tilt = rotation_from_vector(
+        np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
+    )
+    translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
+    return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+
+
 def load(content: Mapping[str, Any]) -> World:
     """Build a world from the (already validated) content of a world file."""
     scanners = {}
@@ -205,4 +210,11 @@ def load(content: Mapping[str, Any]) -> World:
             }
         )
     warmth = Warmth(**content["warmth"])
-    return World(content["seed"], content["field"], content["positions"], warmth, scanners)
+    return World(
+        content["seed"],
+        content["field"],
+        content["positions"],
+        warmth,
+        scanners,
+        building=content.get("building"),
+    )

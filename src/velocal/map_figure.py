@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 LIFT = 0.5
 #: Heights that colours span, percent of the points.
 _COLOURED = (1.0, 99.0)
-_PIXEL_M = 0.01
+_PIXEL_M = 0.0125
 _MARGIN_M = 0.4
+#: Ground of words on the map.
+_PLATE = {"boxstyle": "round,pad=0.12", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
 
 
 def section_table(
@@ -176,7 +178,7 @@ def _oblique(
         ax.annotate(
             name, at, xytext=(0, 5), textcoords="offset points", ha="center", fontsize=8.5,
             fontweight="bold", zorder=3.2,
-            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "alpha": 0.8, "linewidth": 0},
+            bbox=_PLATE,
         )  # fmt: skip
     corner = (box["x_m"][0], box["y_m"][0] + LIFT * box["z_m"][0])
     height = np.ptp(box["y_m"]) + LIFT * np.ptp(box["z_m"])
@@ -185,8 +187,8 @@ def _oblique(
                   edgecolor=BEFORE, linewidth=1.3, zorder=3.0)
     )  # fmt: skip
     ax.annotate(
-        "section", (corner[0], corner[1] + 0.5 * height), xytext=(-3, 0), ha="right", va="center",
-        textcoords="offset points", fontsize=7.5, color=DARK, zorder=3.0,
+        "section", (box["x_m"][1], corner[1] + height), xytext=(0, 2), ha="right", va="bottom",
+        textcoords="offset points", fontsize=7.5, color=DARK, zorder=3.2, bbox=_PLATE,
     )  # fmt: skip
     ax.set_aspect("equal")
     ax.grid(visible=False)

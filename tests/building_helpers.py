@@ -16,6 +16,7 @@ ROOM = {
     "scanner": "HDL-64E",
     "size_m": [4.0, 3.0],
     "height_m": 2.5,
+    "base_std_mm": 0.4,
     "reflectance": {"walls": 60, "floor": 30},
     "boxes": {
         "west": {"x_m": [-0.2, 0.0], "y_m": [-0.2, 3.2]},

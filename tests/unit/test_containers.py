@@ -186,6 +186,16 @@ def test_a_damaged_address_is_no_scanner(tmp_path):
     assert ledger.senders["192.119.1.201:2368"] == 1
 
 
+def test_a_damaged_address_at_the_beginning(tmp_path, monkeypatch):
+    """Not taken for a scanner while the other has sent no more."""
+    monkeypatch.setattr(framing, "CHUNK_BYTES", 2600)
+    frames = frames_of(PAYLOADS)
+    frames[1] = frames[1][:27] + b"\x77" + frames[1][28:]
+    payloads, _, _, ledger = scan(write(tmp_path, pcap_of(frames)))
+    np.testing.assert_array_equal(payloads, PAYLOADS)
+    assert ledger.unaccounted_bytes == 0
+
+
 # -- fragments, short captures, position packets ---------------------------------------------------
 
 

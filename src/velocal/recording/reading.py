@@ -178,7 +178,6 @@ class Recording:
         self, chunks: Iterator[Chunk], ledger: Ledger, senders: Counter[int]
     ) -> Iterator[Chunk]:
         """Packets of the chosen scanner; the others go into the ledger."""
-        several = False
         for chunk in chunks:
             if chunk.sender is None or len(chunk) == 0:
                 yield chunk
@@ -194,15 +193,19 @@ class Recording:
                     ledger.reject(f"from {sender_name(int(sender))}", int(n), bytes_)
             if not meant.all():
                 chunk = chunk.take(np.isin(chunk.sender, found[meant]))
-            # What is mixed of several scanners is of no use; it is counted to the end.
-            several = several or len(self._scanners(senders)) > 1
-            if not several:
+            # What is mixed of several scanners is of no use; it is counted up to the error.
+            often = sum(n > STRAY_PACKETS for n in self._meant(senders).values())
+            if often < 2:
                 yield chunk
+
+    def _meant(self, senders: Counter[int]) -> Counter[int]:
+        """Senders that are meant."""
+        keys = np.array(list(senders), dtype=np.int64)
+        return Counter({int(key): senders[int(key)] for key in keys[self.choice.mask(keys)]})
 
     def _scanners(self, senders: Counter[int]) -> Counter[int]:
         """Senders that are meant, without those that are damaged addresses."""
-        keys = np.array(list(senders), dtype=np.int64)
-        meant = Counter({int(key): senders[int(key)] for key in keys[self.choice.mask(keys)]})
+        meant = self._meant(senders)
         most = max(meant.values(), default=0)
         return Counter({s: n for s, n in meant.items() if n > STRAY_PACKETS or 10 * n >= most})
 

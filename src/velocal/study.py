@@ -92,6 +92,18 @@ class Study:
         return general | own
 
     @property
+    def observations(self) -> dict[str, str]:
+        """Observation files of the survey, by kind; none if coordinates were handed over."""
+        return dict(self.config.get("survey", {}).get("observations", {}))
+
+    def survey_files(self, made: str) -> dict[str, str]:
+        """Survey files by kind: as handed over, or adjusted from observations below `made`."""
+        if not self.observations:
+            return dict(self.config.get("survey", {}))
+        files = {name: f"{made}/{name}.csv" for name in ("planes", "base_scanner", "base_field")}
+        return {**files, "covariance": f"{made}/base_field_covariance.json"}
+
+    @property
     def factories(self) -> dict[str, str]:
         """Factory calibration of every scanner: a file, or "nominal"."""
         return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
@@ -343,7 +355,9 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
     ConfigError
         For the first missing file; without this, old results would hide it.
     """
-    named = {f"survey.{key}": path for key, path in study.config.get("survey", {}).items()}
+    named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
+    if not named:
+        named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
     every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
     for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording

@@ -133,6 +133,8 @@ def field_files():
 def targets():
     """Everything that the study asks for."""
     wanted = [f"{RESULTS}/report.html"]
+    if STUDY.observations:
+        wanted.append(f"{RESULTS}/survey/network.svg")
     if STUDY.surveyed:
         wanted += set_files()
         wanted += [f"{RESULTS}/statistics/{name}.csv" for name in ("lasers", "summary")]

@@ -31,6 +31,9 @@ rule compare_with_paper:
     input:
         tables=table_files(["csv"]),
         summary=f"{RESULTS}/statistics/summary.csv",
+        surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
+        accuracy=f"{RESULTS}/survey/network.csv",
+        facts=[],
     output:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:

@@ -25,7 +25,7 @@ from velocal.simulation.scene import Scene, cast, field_scene
 from velocal.study import read_yaml
 
 PLANES = 3
-ROTATIONS = 12
+ROTATIONS = 8
 
 
 def shots(simulated, scanner, scene: Scene, ticks):

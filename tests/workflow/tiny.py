@@ -9,11 +9,20 @@ sample	scanner	position	recording	calibration
 sa3	HDL-64E	P2	results/simulation/recordings/sa3.bin	results/simulation/factory/HDL-64E.xml
 sa5	HDL-32E	P5	results/simulation/recordings/sa5.bin	results/simulation/factory/HDL-32E.xml
 """
-_OUTDOOR_SHEET = """\
-sample	kind	scanner	scene	distance_m	azimuth_deg	recording	calibration
-o1	ideal	HDL-64E	ideal1	10	8	results/simulation/recordings/o1.bin	results/simulation/factory/HDL-64E.xml
-o2	real	HDL-32E	real1	10	8	results/simulation/recordings/o2.bin	results/simulation/factory/HDL-32E.xml
-"""  # noqa: E501
+_OUTDOOR_SHEET = "\n".join(
+    "\t".join(cells)
+    for cells in (
+        ("sample", "kind", "scanner", "scene", "distance_m", "azimuth_deg", "recording",
+         "calibration"),
+        *(
+            (name, kind, scanner, f"{kind}1", "10", "8",
+             f"results/simulation/recordings/{name}.bin",
+             f"results/simulation/factory/{scanner}.xml")
+            for name, kind, scanner in (("o1", "ideal", "HDL-64E"), ("o2", "real", "HDL-32E"))
+        ),
+        (),
+    )
+)  # fmt: skip
 NEW_ROW = """\
 sa6	HDL-32E	P6	results/simulation/recordings/sa6.bin	results/simulation/factory/HDL-32E.xml
 """

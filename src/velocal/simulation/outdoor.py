@@ -68,12 +68,15 @@ class Air:
     people : sequence of Person
     lost_per_m, early_per_m : float
         Shots that fog swallows, and shots that it sends back early, per metre of range.
+    noise : float
+        Noise that fog adds, as a share of a shot's.
     """
 
     truth: UnitTruth
     people: Sequence[Person]
     lost_per_m: float
     early_per_m: float
+    noise: float
 
     def __call__(
         self,
@@ -86,9 +89,12 @@ class Air:
         ticks = ideal.copy()
         for person in self.people:
             self._walk(person, time_s, angle, ticks)
-        if not (self.lost_per_m or self.early_per_m):
+        if not (self.lost_per_m or self.early_per_m or self.noise):
             return ticks
-        length = np.nan_to_num(ticks) * DISTANCE_TICK_M
+        length = np.nan_to_num(ticks).astype(np.float64) * DISTANCE_TICK_M
+        laser = np.broadcast_to(np.arange(ticks.shape[1]), ticks.shape)
+        noise = self.noise / DISTANCE_TICK_M * self.truth.noise(length, laser).astype(np.float32)
+        ticks += noise * rng.standard_normal(ticks.shape, dtype=np.float32)
         chance = rng.random(ticks.shape, dtype=np.float32)
         early = chance < -np.expm1(-self.early_per_m * length)
         # Fog that sends enough light back is near: the square of an even share of the range.
@@ -163,7 +169,9 @@ def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> S
     surfaces = {"ground": _ground(), **_panels(world, name, distance_m)}
     people = _people(rng, kind["people"], outdoor, distance_m, duration_s)
     fog = kind["fog"]
-    air = Air(unit_truth(world, scanner), people, fog["lost_per_m"], fog["early_per_m"])
+    air = Air(
+        unit_truth(world, scanner), people, fog["lost_per_m"], fog["early_per_m"], fog["noise"]
+    )
     errors = outdoor["position_share"] * position_errors(world, scanner, name)
     return Scene(surfaces, np.array(REFLECTANCE), pose, errors, air)
 

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from velocal.cli import stream
 from velocal.cli.common import Recording, ScannerName, escape, progress, scan, scanner_of
 from velocal.errors import ConfigError
 from velocal.recording.rotations import Inspection
@@ -58,7 +59,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
         "blocks": ", ".join(f"{count} {side}" for side, count in inspection.block_counts.items()),
         "gaps": f"{inspection.gaps}, about {inspection.packets_missing} packets missing",
         "product byte": facts["product"] or "none",
-        "calibration in stream": "yes" if inspection.calibration_in_stream else "no",
+        **stream.rows(inspection.status),
     }
     for key, value in rows.items():
         top.add_row(f"[bold]{key}[/]", value)

@@ -19,6 +19,7 @@ from velocal.packets import BLOCKS, median_azimuth_step, view
 from velocal.recording.framing import Chunk, detect
 from velocal.recording.ledger import Ledger
 from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, FLAG_LOWER
+from velocal.status import TRAILING, StatusReader, StatusStream
 
 #: The device clock counts the microseconds of an hour.
 HOUR_US = 3_600_000_000
@@ -96,6 +97,8 @@ class Inspection:
         Last payload byte, where it never changes.
     status_types : str
         Status types seen in the last but one byte, where these are printable (HDL-64E S2/S3).
+    status : StatusStream
+        What the trailing bytes say: temperature, firmware, time, the factory's table.
     """
 
     index: RotationIndex
@@ -109,11 +112,12 @@ class Inspection:
     block_counts: dict[str, int] = field(default_factory=dict)
     product: int | None = None
     status_types: str = ""
+    status: StatusStream = field(default_factory=StatusStream)
 
     @property
     def calibration_in_stream(self) -> bool:
-        """Whether status bytes of type 1-7 (HDL-64E S2/S3 calibration table) occur."""
-        return set("1234567") <= set(self.status_types)
+        """Whether the factory's calibration can be taken from the status bytes."""
+        return self.status.parameters is not None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain mapping for JSON and for people: counts, rates and the ledger."""
@@ -132,6 +136,7 @@ class Inspection:
             "product": None if self.product is None else f"0x{self.product:02X}",
             "status_types": self.status_types,
             "calibration_in_stream": self.calibration_in_stream,
+            "status": self.status.as_dict(),
             "ledger": self.ledger.as_dict(),
         }
 
@@ -227,6 +232,7 @@ class _Scan:
         self.blocks = {"upper": 0, "lower": 0}
         self.products = np.zeros(256, dtype=np.int64)
         self.statuses = np.zeros(256, dtype=np.int64)
+        self.status = StatusReader()
 
     def take(self, chunk: Chunk) -> None:
         packets = view(chunk.payloads)
@@ -252,6 +258,7 @@ class _Scan:
         self.blocks["lower"] += lower
         self.blocks["upper"] += n * BLOCKS - lower
         self.products += np.bincount(packets["status"][:, 1], minlength=256)
+        self.status.take(chunk.payloads[:, -TRAILING.itemsize :])
         self.statuses += np.bincount(packets["status"][:, 0], minlength=256)
         self.last_azimuth = int(flat[-1])
         self.last_time = float(times[-1])
@@ -332,4 +339,5 @@ class _Scan:
             block_counts=self.blocks,
             product=int(product[0]) if len(product) == 1 else None,
             status_types="".join(statuses) if self.blocks["lower"] and self._clocked else "",
+            status=self.status.result(),
         )

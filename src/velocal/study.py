@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,10 @@ from velocal.sensors import SCANNERS
 #: Windows of a surveyed sample, and the only one of a field sample.
 WINDOWS = ("beginning", "middle", "end")
 WHOLE = "all"
+#: In the column `calibration`: no calibration file; that of the recording's own status bytes.
+NOMINAL, STREAM = "nominal", "stream"
+#: The scanner that sends its calibration in its status bytes.
+STREAMING = "HDL-64E"
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,8 @@ class Sample:
     recording : str
         Path of the capture.
     calibration : str
-        Path of the factory's calibration file, or "nominal".
+        Path of the factory's calibration file, or "nominal". For "stream" in the sheet it is the
+        file that is read from the recording; see `stream_path`.
     """
 
     name: str
@@ -185,6 +190,33 @@ def read_sheet(path: Path, schema: Mapping[str, Any]) -> list[dict[str, str]]:
     return rows
 
 
+def stream_path(results: str, sample: str) -> str:
+    """Path of the calibration that is read from a sample's recording."""
+    return f"{results.rstrip('/')}/recordings/{sample}/calibration.xml"
+
+
+def _with_streams(samples: dict[str, Sample], results: str, where: str) -> dict[str, Sample]:
+    """Put the path of what is read from recordings for "stream".
+
+    The surveyed samples of a scanner share one factory: what the first recording holds.
+    """
+    first: dict[str, str] = {}
+    found = {}
+    for name, sample in samples.items():
+        if sample.calibration == STREAM:
+            if sample.scanner != STREAMING:
+                raise ConfigError(
+                    f"sample {name!r}: {sample.scanner} sends no calibration in its packets",
+                    where=where,
+                    allowed=f"{STREAM!r} for {STREAMING} (S2 from firmware 4.07 on, S3)",
+                    hint="Name a calibration file, or `nominal`.",
+                )
+            source = first.setdefault(sample.scanner, name) if sample.position else name
+            sample = replace(sample, calibration=stream_path(results, source))
+        found[name] = sample
+    return found
+
+
 def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     """Check a configuration and read its sheets.
 
@@ -225,6 +257,7 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
             )
             for row in rows
         }  # fmt: skip
+    surveyed, field = (_with_streams(s, config["results"], where) for s in (surveyed, field))
     study = Study(config, surveyed, field)
     _check_references(study, where)
     return study
@@ -333,9 +366,10 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
         For the first missing file; without this, old results would hide it.
     """
     named = {f"survey.{key}": path for key, path in study.config.get("survey", {}).items()}
+    streams = [stream_path(study.config["results"], name) for name in study.samples]
     for sample in study.samples.values():
         named[f"recording of sample {sample.name!r}"] = sample.recording
-        if sample.calibration != "nominal":
+        if sample.calibration not in (NOMINAL, *streams):
             named[f"calibration of sample {sample.name!r}"] = sample.calibration
     hint = "Paths are relative to the folder in which snakemake runs."
     if made_here:

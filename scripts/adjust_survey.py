@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal import storage
 from velocal.errors import reported
 from velocal.station import adjust_station, as_dict
-from velocal.survey import read_targets
+from velocal.survey import read_targets, with_covariance
 
 
 def main(
@@ -14,15 +14,20 @@ def main(
     base_field: Path,
     survey: Path,
     *,
+    covariance: Path | None = None,
     position: str,
     scanner: str,
     names: list[str],
 ) -> None:
     """Write pose and planes, with covariances and residuals, as JSON."""
+    field = read_targets(base_field, "position").of(position, where=str(base_field))
+    if covariance:
+        content = storage.read_json(covariance)
+        field = with_covariance(field, content[position], where=str(covariance))
     station = adjust_station(
         read_targets(planes, "plane"),
         read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner)),
-        read_targets(base_field, "position").of(position, where=str(base_field)),
+        field,
         names,
         where=str(planes),
     )
@@ -36,6 +41,7 @@ if "snakemake" in globals():
             Path(snakemake.input.base_scanner),
             Path(snakemake.input.base_field),
             Path(snakemake.output.survey),
+            covariance=Path(snakemake.input.covariance) if snakemake.input.covariance else None,
             position=snakemake.wildcards.position,
             scanner=snakemake.params.scanner,
             names=snakemake.params.planes,

@@ -13,13 +13,19 @@ def _frame(path: Path) -> pd.DataFrame:
 
 
 def main(
-    summary: Path, tables: list[Path], surveys: list[Path], facts: list[Path], output: Path
+    summary: Path,
+    tables: list[Path],
+    surveys: list[Path],
+    accuracy: Path,
+    facts: list[Path],
+    output: Path,
 ) -> None:
     """Write the comparison as CSV; facts are tables with columns `item` and `value`."""
     shown = pd.concat([_frame(path) for path in tables], ignore_index=True)
     every = _frame(summary)
     found = statements.of_tables(published.sources_of(every, shown))
     found |= statements.of_surveys([storage.read_json(path) for path in surveys])
+    found |= statements.of_accuracy(_frame(accuracy))
     for path in facts:
         table = _frame(path)
         found |= dict(zip(table["item"], table["value"].astype(float), strict=True))
@@ -33,6 +39,7 @@ if "snakemake" in globals():
             Path(snakemake.input.summary),
             [Path(path) for path in snakemake.input.tables],
             [Path(path) for path in snakemake.input.surveys],
+            Path(snakemake.input.accuracy),
             [Path(path) for path in snakemake.input.facts],
             Path(snakemake.output.agreement),
         )

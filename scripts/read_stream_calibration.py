@@ -4,14 +4,20 @@ from pathlib import Path
 
 from velocal.calibration_files import formats
 from velocal.errors import reported
+from velocal.recording.reading import Choice
 from velocal.recording.rotations import inspect
 
 
-def main(recording: Path, calibration: Path) -> None:
+def main(recording: Path, calibration: Path, *, choice: Choice) -> None:
     """Write the calibration; every value as the wire holds it."""
-    formats.write(calibration, inspect(recording).status.calibration(str(recording)))
+    status = inspect(recording, choice=choice).status
+    formats.write(calibration, status.calibration(str(recording)))
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
-        main(Path(snakemake.input.recording), Path(snakemake.output.calibration))
+        main(
+            Path(snakemake.input.recording),
+            Path(snakemake.output.calibration),
+            choice=Choice(snakemake.params.port, snakemake.params.address),
+        )

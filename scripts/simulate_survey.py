@@ -1,29 +1,24 @@
-"""Write the survey of the simulated world."""
+"""Write what the surveyor of the simulated world observed."""
 
 from pathlib import Path
 
 from velocal.errors import reported
-from velocal.simulation import survey, world
+from velocal.field_book import FILES, write_field_book
+from velocal.simulation import world
+from velocal.simulation.survey import field_book
 from velocal.study import read_yaml
-from velocal.survey import write_targets
 
 
-def main(world_file: Path, planes: Path, base_scanner: Path, base_field: Path) -> None:
-    """Write targets of the planes, of the scanners' bases, and of the bases in the field."""
+def main(world_file: Path, paths: dict[str, Path]) -> None:
+    """Write control points, sights, image rays, and readings of the scanners' bases."""
     simulated = world.load(read_yaml(world_file))
-    positions = {name: where["scanner"] for name, where in simulated.positions.items()}
-    bases = [survey.base_targets_scanner(simulated, scanner) for scanner in simulated.scanners]
-    in_field = [survey.base_targets_field(simulated, s, p) for p, s in positions.items()]
-    write_targets(planes, "plane", survey.field_targets(simulated))
-    write_targets(base_scanner, "scanner", bases)
-    write_targets(base_field, "position", in_field)
+    camera = simulated.survey["camera"]
+    write_field_book(field_book(simulated), paths, camera["principal_distance_mm"])
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
         main(
             Path(snakemake.input.world),
-            Path(snakemake.output.planes),
-            Path(snakemake.output.base_scanner),
-            Path(snakemake.output.base_field),
+            {name: Path(snakemake.output[name]) for name in FILES},
         )

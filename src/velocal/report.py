@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal import agreement_section, comparison, provenance, storage
+from velocal import agreement_section, comparison, outdoor_figure, provenance, storage
 from velocal.calibration_files import formats
 from velocal.figures import TITLES
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
@@ -87,6 +87,8 @@ class Study:
         PNG by field sample.
     methods : tuple
         Numbers of the comparison of methods, or None, and its picture.
+    outdoor : tuple
+        Means of the outdoor validation, or None, and its figures by number.
     """
 
     title: str
@@ -102,6 +104,9 @@ class Study:
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
     methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
+    outdoor: tuple[pd.DataFrame | None, Mapping[str, bytes]] = field(
+        default_factory=lambda: (None, {})
+    )
 
 
 def read(
@@ -119,7 +124,7 @@ def read(
     ----------
     files : mapping of str to sequence of Path
         By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
-        ``field``, ``methods``. A kind may be missing or empty.
+        ``field``, ``methods``, ``outdoor`` (means first). A kind may be missing or empty.
     title, simulated
         As in `Study`.
     tables, figures : mapping of str to mapping
@@ -171,6 +176,10 @@ def read(
         field_table=frame("field"),
         field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
         methods=(frame("methods"), b"".join(path.read_bytes() for path in pictures("methods"))),
+        outdoor=(
+            frame("outdoor"),
+            {path.stem.removeprefix("figure_"): path.read_bytes() for path in pictures("outdoor")},
+        ),
     )
 
 
@@ -221,6 +230,7 @@ def render(study: Study) -> str:
         },
         "ledgers": study.ledgers,
         "methods": comparison.section(*study.methods),
+        "outdoor": outdoor_figure.section(*study.outdoor),
         "field": _plain(study.field_table),
         "field_pictures": {
             sample: base64.b64encode(png).decode("ascii")

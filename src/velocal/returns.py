@@ -1,12 +1,13 @@
 """Flat table of returns: the rotations that were asked for, decoded and streamed to Parquet.
 
 Rows keep the order of the wire. The rows of one firing follow one another, as many as the
-scanner has lasers in a firing (32, or 16 for a VLP-16).
+scanner has lasers in a firing (32, or 16 for a VLP-16). Of two returns of a shot one is chosen,
+or both follow as they came.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal import schemas, storage
-from velocal.packets import BLOCKS, decode
+from velocal.packets import decode
+from velocal.recording.reading import ANY, Choice
 from velocal.recording.rotations import RotationIndex
 from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
+
+#: Packets that are decoded together, and make one row group of the file whatever the container.
+PACKETS = 6400
 
 Progress = Callable[[int], None]
 
@@ -29,6 +34,9 @@ def write_returns(
     scanner: Scanner,
     path: Path,
     progress: Progress | None = None,
+    *,
+    returns: str = "strongest",
+    choice: Choice = ANY,
 ) -> int:
     """Decode rotations of a recording into a Parquet file of returns.
 
@@ -46,6 +54,10 @@ def write_returns(
         Parquet file to write (`schemas.RETURNS`).
     progress : callable, optional
         Called with the number of packets decoded so far.
+    returns : {"strongest", "last", "both"}
+        Which return, where a shot has two. With both, a shot has two rows.
+    choice : Choice
+        Which of several scanners, as when it was indexed.
 
     Returns
     -------
@@ -58,11 +70,14 @@ def write_returns(
         "rotations": len(rotations),
         "rotation_rate_hz": index.rate_hz(rotations),
         "lasers_per_firing": scanner.lasers_per_firing,
+        "distance_tick_m": scanner.distance_tick_m,
+        "returns": returns,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        for chunk, rotation in read_rotations(recording, index, rotations):
-            firings = decode(chunk.payloads, scanner)
-            of_firing = np.repeat(rotation.reshape(-1), len(firings) // (len(rotation) * BLOCKS))
+        parts = read_rotations(recording, index, rotations, choice)
+        for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
+            firings = decode(payloads, scanner, returns)
+            of_firing = rotation.reshape(-1)[firings.block]
             keep = of_firing >= 0
             width = scanner.lasers_per_firing
             count = int(keep.sum())
@@ -73,10 +88,30 @@ def write_returns(
                 "laser_id": firings.laser_id()[keep].reshape(-1),
                 "distance": firings.distance[keep].reshape(-1),
                 "intensity": firings.intensity[keep].reshape(-1),
+                "return": np.repeat(firings.which[keep], width),
             }
             writer.write(columns)
             rows += count * width
-            packets += len(chunk.payloads)
+            packets += len(payloads)
             if progress is not None:
                 progress(packets)
     return rows
+
+
+_Part = tuple[NDArray[np.uint8], NDArray[np.int64]]
+
+
+def _evenly(parts: Iterable[_Part]) -> Iterator[_Part]:
+    """Payloads and rotations of their blocks, `PACKETS` at a time."""
+    held: list[_Part] = []
+    n = 0
+    for part in parts:
+        held.append(part)
+        n += len(part[0])
+        while n >= PACKETS:
+            payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
+            yield payloads[:PACKETS], rotation[:PACKETS]
+            held, n = [(payloads[PACKETS:], rotation[PACKETS:])], n - PACKETS
+    if n:
+        payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
+        yield payloads, rotation

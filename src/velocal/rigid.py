@@ -129,8 +129,8 @@ def adjust_rigid(
     ----------
     source, target : ndarray, shape (n, 3)
         The same points in both frames, metres.
-    source_covariance, target_covariance : ndarray, shape (n, 3, 3)
-        Covariance of every point, square metres.
+    source_covariance, target_covariance : ndarray, shape (n, 3, 3) or (3n, 3n)
+        Covariance of every point, or of all coordinates, square metres.
 
     Returns
     -------
@@ -143,28 +143,27 @@ def adjust_rigid(
         If the points do not determine the transformation.
     """
     rotation, translation = closed_form(source, target)
+    n = len(source)
+    of_source, of_target = _joint(source_covariance, n), _joint(target_covariance, n)
     iterations = 0
     for iterations in range(1, max_iterations + 1):  # noqa: B007 (kept for the result)
         rotated = source @ rotation.T
         misclosure = target - (rotated + translation)
-        weight = np.linalg.inv(target_covariance + rotation @ source_covariance @ rotation.T)
+        turn = np.kron(np.eye(n), rotation)
+        weight = np.linalg.inv(of_target + turn @ of_source @ turn.T)
         # d(target)/d(w, t) = (-[R x]x, I): small rotation from the left.
         design = np.concatenate(
-            [
-                np.stack([-skew(point) for point in rotated]),
-                np.tile(np.eye(3), (len(source), 1, 1)),
-            ],
-            axis=2,
+            [np.concatenate([-skew(point), np.eye(3)], axis=1) for point in rotated]
         )
-        normal = np.einsum("nki,nkl,nlj->ij", design, weight, design)
-        step = np.linalg.solve(normal, np.einsum("nki,nkl,nl->i", design, weight, misclosure))
+        normal = design.T @ weight @ design
+        step = np.linalg.solve(normal, design.T @ weight @ misclosure.ravel())
         rotation = rotation_from_vector(step[:3]) @ rotation
         translation = translation + step[3:]
         if np.max(np.abs(step)) < 1e-13:
             break
     residuals = target - (source @ rotation.T + translation)
-    redundancy = 3 * len(source) - 6
-    squares = float(np.einsum("nk,nkl,nl->", residuals, weight, residuals))
+    redundancy = 3 * n - 6
+    squares = float(residuals.ravel() @ weight @ residuals.ravel())
     # Rotation about the origin of the target frame is what (w, t) means after the last step.
     return RigidAdjustment(
         transformation=RigidTransformation(rotation, translation, np.linalg.inv(normal)),
@@ -173,3 +172,12 @@ def adjust_rigid(
         redundancy=redundancy,
         iterations=iterations,
     )
+
+
+def _joint(covariance: Array, n: int) -> Array:
+    """Covariance of all coordinates, from that of every point where it is no more."""
+    if covariance.ndim == 2:
+        return covariance
+    joint = np.zeros((n, 3, n, 3))
+    joint[np.arange(n), :, np.arange(n)] = covariance
+    return joint.reshape(3 * n, 3 * n)

@@ -59,6 +59,19 @@ def of_tables(sources: Mapping[tuple[str, str], Source]) -> dict[str, float]:
     return found
 
 
+#: Items of a survey's accuracy, by what the statement is about.
+ACCURACY = {"gcp": "control_points", "target": "targets", "base_local": "base_field",
+            "base_scanner": "base_scanner"}  # fmt: skip
+
+
+def of_accuracy(accuracy: pd.DataFrame) -> dict[str, float]:
+    """Accuracy (mm) and number of points, out of the accuracy of the adjusted survey."""
+    rows = accuracy.set_index("item")
+    found = {f"{name}_mse": float(rows["value_mm"][item]) for name, item in ACCURACY.items()}
+    found |= {f"{name}_count": float(rows["points"][ACCURACY[name]]) for name in ("gcp", "target")}
+    return found
+
+
 def of_surveys(surveys: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     """Flatness of the walls (mm) and number of base targets, out of surveys of positions."""
     found: dict[str, float] = {}

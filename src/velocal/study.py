@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,13 @@ import pandas as pd
 import yaml
 
 from velocal.errors import ConfigError
+from velocal.outdoor_sheet import OutdoorSample, check_outdoor
 from velocal.sensors import SCANNERS
+from velocal.streams import name_streams, stream_path
 
 #: Windows of a surveyed sample, and the only one of a field sample.
 WINDOWS = ("beginning", "middle", "end")
 WHOLE = "all"
-#: In the column `calibration`: no calibration file; that of the recording's own status bytes.
-NOMINAL, STREAM = "nominal", "stream"
-#: The scanner that sends its calibration in its status bytes.
-STREAMING = "HDL-64E"
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,11 @@ class Sample:
     recording : str
         Path of the capture.
     calibration : str
-        Path of the factory's calibration file, or "nominal". For "stream" in the sheet it is the
-        file that is read from the recording; see `stream_path`.
+        Path of the factory's calibration file ("stream": that read from a recording), or "nominal".
+    port : int or None
+        UDP port to which the scanner sent; any if None.
+    address : str or None
+        Address from which it sent, or the topic of a bag; any if None.
     """
 
     name: str
@@ -48,6 +49,8 @@ class Sample:
     position: str | None
     recording: str
     calibration: str
+    port: int | None = None
+    address: str | None = None
 
     @property
     def windows(self) -> tuple[str, ...]:
@@ -65,15 +68,18 @@ class Study:
         As written.
     surveyed, field : dict of str to Sample
         Samples with and without a survey.
+    outdoor : dict of str to OutdoorSample
+        Samples of panels outdoors.
     """
 
     config: Mapping[str, Any]
     surveyed: dict[str, Sample]
     field: dict[str, Sample]
+    outdoor: dict[str, OutdoorSample]
 
     @property
     def samples(self) -> dict[str, Sample]:
-        """All samples."""
+        """Samples with and without a survey, not those outdoors."""
         return {**self.surveyed, **self.field}
 
     @property
@@ -91,6 +97,18 @@ class Study:
         general = dict(self.config.get("adjustment", {}))
         own: dict[str, Any] = general.pop("by_scanner", {}).get(scanner, {})
         return general | own
+
+    @property
+    def observations(self) -> dict[str, str]:
+        """Observation files of the survey, by kind; none if coordinates were handed over."""
+        return dict(self.config.get("survey", {}).get("observations", {}))
+
+    def survey_files(self, made: str) -> dict[str, str]:
+        """Survey files by kind: as handed over, or adjusted from observations below `made`."""
+        if not self.observations:
+            return dict(self.config.get("survey", {}))
+        files = {name: f"{made}/{name}.csv" for name in ("planes", "base_scanner", "base_field")}
+        return {**files, "covariance": f"{made}/base_field_covariance.json"}
 
     @property
     def factories(self) -> dict[str, str]:
@@ -190,33 +208,6 @@ def read_sheet(path: Path, schema: Mapping[str, Any]) -> list[dict[str, str]]:
     return rows
 
 
-def stream_path(results: str, sample: str) -> str:
-    """Path of the calibration that is read from a sample's recording."""
-    return f"{results.rstrip('/')}/recordings/{sample}/calibration.xml"
-
-
-def _with_streams(samples: dict[str, Sample], results: str, where: str) -> dict[str, Sample]:
-    """Put the path of what is read from recordings for "stream".
-
-    The surveyed samples of a scanner share one factory: what the first recording holds.
-    """
-    first: dict[str, str] = {}
-    found = {}
-    for name, sample in samples.items():
-        if sample.calibration == STREAM:
-            if sample.scanner != STREAMING:
-                raise ConfigError(
-                    f"sample {name!r}: {sample.scanner} sends no calibration in its packets",
-                    where=where,
-                    allowed=f"{STREAM!r} for {STREAMING} (S2 from firmware 4.07 on, S3)",
-                    hint="Name a calibration file, or `nominal`.",
-                )
-            source = first.setdefault(sample.scanner, name) if sample.position else name
-            sample = replace(sample, calibration=stream_path(results, source))
-        found[name] = sample
-    return found
-
-
 def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     """Check a configuration and read its sheets.
 
@@ -240,27 +231,40 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     if "samples" in config:
         sheet = Path(config["samples"])
         rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         surveyed = {
             row["sample"]: Sample(
-                row["sample"], row["scanner"], row["position"], row["recording"], row["calibration"]
+                row["sample"], row["scanner"], row["position"], row["recording"],
+                row["calibration"], *_choice(row),
             )
             for row in rows
-        }
+        }  # fmt: skip
     if "field" in config:
         sheet = Path(config["field"]["samples"])
         folder = Path(config["field"]["recordings"])
         rows = read_sheet(sheet, read_yaml(schemas / "field_samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         field = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], None,
-                str(folder / row["recording"]), row["calibration"],
+                str(folder / row["recording"]), row["calibration"], *_choice(row),
             )
             for row in rows
         }  # fmt: skip
-    surveyed, field = (_with_streams(s, config["results"], where) for s in (surveyed, field))
-    study = Study(config, surveyed, field)
+    outdoor: dict[str, OutdoorSample] = {}
+    if "outdoor" in config:
+        sheet = Path(config["outdoor"]["samples"])
+        rows = read_sheet(sheet, read_yaml(schemas / "outdoor_samples.schema.yaml"))
+        outdoor = {row["sample"]: OutdoorSample.of(row) for row in rows}
+    study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)
     return study
+
+
+def _choice(row: Mapping[str, str]) -> tuple[int | None, str | None]:
+    """Port and address of a row; an empty cell or no column is any."""
+    port = row.get("port")
+    return int(port) if port else None, row.get("address") or None
 
 
 def _check_references(study: Study, where: str) -> None:
@@ -268,9 +272,10 @@ def _check_references(study: Study, where: str) -> None:
     config = study.config
     if not study.samples:
         raise ConfigError("names no sample", where=where, hint="Give `samples` or `field`.")
-    both = sorted(set(study.surveyed) & set(study.field))
-    if both:
-        raise ConfigError(f"sample {both[0]!r} is surveyed and field", where=where)
+    names = [*study.surveyed, *study.field, *study.outdoor]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"sample {name!r} stands in two sheets", where=where)
     for sample in study.samples.values():
         if sample.scanner not in SCANNERS:
             raise ConfigError(
@@ -295,6 +300,7 @@ def _check_references(study: Study, where: str) -> None:
             raise ConfigError(
                 f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
             )
+    check_outdoor(study.outdoor, study.factories, config, where)
     if not study.surveyed:
         return
     for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):
@@ -365,11 +371,14 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
     ConfigError
         For the first missing file; without this, old results would hide it.
     """
-    named = {f"survey.{key}": path for key, path in study.config.get("survey", {}).items()}
-    streams = [stream_path(study.config["results"], name) for name in study.samples]
-    for sample in study.samples.values():
+    named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
+    if not named:
+        named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
+    given = {"nominal", *(stream_path(study.config["results"], name) for name in study.samples)}
+    every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
+    for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording
-        if sample.calibration not in (NOMINAL, *streams):
+        if sample.calibration not in given:
             named[f"calibration of sample {sample.name!r}"] = sample.calibration
     hint = "Paths are relative to the folder in which snakemake runs."
     if made_here:

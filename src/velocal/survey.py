@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,12 +34,16 @@ class Targets:
         Metres.
     std : ndarray, shape (n, 3)
         Metres.
+    joint : ndarray, shape (3n, 3n), or None
+        Covariance of all coordinates, square metres, where it is known; None if the coordinates
+        are independent.
     """
 
     name: tuple[str, ...]
     group: tuple[str, ...]
     xyz: Array
     std: Array
+    joint: Array | None = None
 
     def of(self, group: str, *, where: str) -> Targets:
         """Targets of one group.
@@ -55,16 +60,30 @@ class Targets:
                 where=where,
                 allowed=", ".join(sorted(set(self.group))),
             )
+        return self.take(rows)
+
+    def take(self, rows: Sequence[int]) -> Targets:
+        """Some of the targets, in that order."""
+        joint = self.joint
+        if joint is not None:
+            of_rows = (3 * np.asarray(rows)[:, None] + np.arange(3)).ravel()
+            joint = joint[np.ix_(of_rows, of_rows)]
         return Targets(
             tuple(self.name[row] for row in rows),
-            tuple(group for _ in rows),
-            self.xyz[rows],
-            self.std[rows],
+            tuple(self.group[row] for row in rows),
+            self.xyz[list(rows)],
+            self.std[list(rows)],
+            joint,
         )
 
     def covariance(self) -> Array:
+        """Covariance of all coordinates, shape (3n, 3n), square metres."""
+        return np.diag(self.std.ravel() ** 2) if self.joint is None else self.joint
+
+    def blocks(self) -> Array:
         """Covariance of every point, shape (n, 3, 3), square metres."""
-        return np.asarray(np.einsum("ni,ij->nij", self.std**2, np.eye(3)))
+        n = np.arange(len(self.name))
+        return self.covariance().reshape(len(n), 3, len(n), 3)[n, :, n]
 
 
 def read_targets(path: Path, group: str) -> Targets:
@@ -121,6 +140,31 @@ def read_targets(path: Path, group: str) -> Targets:
     )
 
 
+def with_covariance(targets: Targets, content: Mapping[str, Any], *, where: str) -> Targets:
+    """Targets of a position with the covariance of all their coordinates.
+
+    Parameters
+    ----------
+    targets : Targets
+    content : mapping
+        ``targets`` and ``covariance_m2``, as the adjustment of the network writes them.
+    where : str
+        File, for errors.
+
+    Raises
+    ------
+    SurveyError
+        If it is of other targets.
+    """
+    if tuple(content["targets"]) != targets.name:
+        raise SurveyError(
+            "holds the covariance of other targets than the survey file",
+            where=where,
+            hint="Adjust the network again.",
+        )
+    return replace(targets, joint=np.array(content["covariance_m2"]))
+
+
 def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
     """Write a survey file; coordinates to a hundredth of a millimetre."""
     frames = [
@@ -135,16 +179,6 @@ def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
         for part in parts
     ]
     storage.write_csv(path, pd.concat(frames, ignore_index=True))
-
-
-def joined(parts: Sequence[Targets]) -> Targets:
-    """Put targets together, one part after the other."""
-    return Targets(
-        tuple(name for part in parts for name in part.name),
-        tuple(group for part in parts for group in part.group),
-        np.concatenate([part.xyz for part in parts]),
-        np.concatenate([part.std for part in parts]),
-    )
 
 
 def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Targets]:
@@ -165,8 +199,6 @@ def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Tar
         )
 
     def pick(targets: Targets) -> Targets:
-        rows = [targets.name.index(name) for name in names]
-        group = tuple(targets.group[row] for row in rows)
-        return Targets(tuple(names), group, targets.xyz[rows], targets.std[rows])
+        return targets.take([targets.name.index(name) for name in names])
 
     return pick(first), pick(second)

@@ -20,7 +20,7 @@ from velocal.scans import assigned_scan
 from velocal.sensors import SCANNERS
 from velocal.simulation import capture, survey, truth, world
 from velocal.station import adjust_station, observations
-from velocal.survey import joined
+from velocal.survey_network import adjust_field_book
 
 WORLD = Path(__file__).parents[2] / "config/world.yaml"
 GATES = Gates(0.25, 0.05, 1.396)
@@ -75,10 +75,11 @@ def run(
         cell_ticks=known.cell_ticks,
         min_count=3,
     )
+    surveyed = adjust_field_book(survey.field_book(simulated))
     station = adjust_station(
-        joined(survey.field_targets(simulated)),
-        survey.base_targets_scanner(simulated, scanner),
-        survey.base_targets_field(simulated, scanner, position),
+        surveyed.planes,
+        surveyed.readings[scanner].targets,
+        surveyed.base_field[position],
         planes,
         where="loop",
     )

@@ -1,13 +1,15 @@
 """The command line as a user meets it."""
 
 import json
+import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from capture_helpers import record_list, spin, write
+from capture_helpers import as_bytes, record_list, spin, two_returns, write
 from closed_loop.chain import study_world
+from container_helpers import ethernet, ip_packet, pcap_of
 
 from velocal import parameters, schemas, storage
 from velocal.calibration_files import formats
@@ -23,7 +25,12 @@ def velocal(*arguments):
         [sys.executable, "-m", "velocal.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
-        env={"PATH": "", "COLUMNS": "100", "NO_COLOR": "1"},
+        env={
+            "PATH": "",
+            "COLUMNS": "100",
+            "NO_COLOR": "1",
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
 
@@ -62,6 +69,9 @@ def test_decode(recording, tmp_path):
         (["decode", "{r}", "-o", "{t}/x.parquet", "--scanner", "HDL-64E"], "Hint: Correct"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "dusk"], "allowed: all, beginning"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "end"], "too few"),
+        (["decode", "{r}", "-o", "{t}/x.parquet", "--return", "first"], "allowed: both, strongest"),
+        (["decode", "{r}", "-o", "{t}/x.parquet", "--port", "9"], "no data packets to port 9"),
+        (["inspect", "{r}", "--address", "localhost"], "no IPv4 address"),
     ],
 )
 def test_wrong_calls(recording, tmp_path, arguments, message):
@@ -114,6 +124,41 @@ def test_no_calibration_in_the_recording(recording, tmp_path):
     assert "no usable calibration table" in done.stderr
     assert "Hint:" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_several_scanners(tmp_path):
+    frames = [
+        ethernet(ip_packet(payload, port=port))
+        for pair in zip(as_bytes(spin(90)), as_bytes(two_returns(spin(90, seed=2))), strict=True)
+        for port, payload in zip((2368, 2370), pair, strict=True)
+    ]
+    path = write(tmp_path, pcap_of(frames), "two.pcap")
+    done = velocal("inspect", path)
+    assert done.returncode == 1
+    assert "two.pcap: holds data packets of 2 scanners" in done.stderr
+    assert "192.168.1.201:2368, 90 packets; 192.168.1.201:2370, 90 packets" in done.stderr
+    assert "Hint: Choose one by its port or its address (--port, --address)." in done.stderr
+    facts = json.loads(velocal("inspect", path, "--port", 2370, "--json").stdout)
+    assert facts["returns"] == "dual"
+    assert facts["ledger"]["senders"] == {"192.168.1.201:2368": 90, "192.168.1.201:2370": 90}
+    assert facts["ledger"]["unaccounted_bytes"] == 0
+
+
+def test_one_of_two_returns(tmp_path):
+    interval = round(1e6 / SCANNERS["HDL-32E"].dual_packet_rate_hz)
+    payloads = two_returns(spin(90, interval_us=interval, status=(0x39, 0x21)))
+    path = write(tmp_path, record_list(payloads, 0))
+    assert "dual" in velocal("inspect", path).stdout
+    columns = {}
+    for returns in ("both", "strongest", "last"):
+        out = tmp_path / f"{returns}.parquet"
+        done = velocal("decode", path, "-o", out, "--return", returns)
+        assert done.returncode == 0, done.stderr
+        columns[returns], _ = storage.read_table(out, schemas.RETURNS)
+    assert set(columns["both"]["return"]) == {1, 2}
+    assert set(columns["last"]["return"]) == {2}
+    assert len(columns["both"]["distance"]) == 2 * len(columns["last"]["distance"])
+    assert len(columns["strongest"]["distance"]) == 90 * 6 * 32
 
 
 def test_help_and_version():

@@ -138,7 +138,7 @@ def test_script(tmp_path):
     said = statements.printed()
     facts = said.rename(columns={"paper": "value"})[["item", "value"]]
     # What comes from tables and surveys is no fact of its own.
-    own = facts["item"].str.match("lasers|indoor|flatness|base_targets")
+    own = facts["item"].str.match("lasers|indoor|flatness|base|gcp|target")
     storage.write_csv(tmp_path / "facts.csv", facts[~own])
     survey = {
         "scanner": "HDL-64E",
@@ -151,8 +151,14 @@ def test_script(tmp_path):
     for number, scanner in enumerate(("HDL-64E", "HDL-32E")):
         storage.write_json(tmp_path / f"{number}.json", survey | {"scanner": scanner})
     surveys = [tmp_path / "0.json", tmp_path / "1.json"]
-    output = tmp_path / "agreement.csv"
-    main(tmp_path / "summary.csv", parts, surveys, [tmp_path / "facts.csv"], output)
+    accuracy = {
+        "item": ["control_points", "targets", "base_field", "base_scanner"],
+        "value_mm": [0.89, 0.9, 0.9, 0.9],
+        "points": [23, 372, 26, 13],
+    }
+    storage.write_csv(tmp_path / "accuracy.csv", accuracy)
+    facts, output = [tmp_path / "facts.csv"], tmp_path / "agreement.csv"
+    main(tmp_path / "summary.csv", parts, surveys, tmp_path / "accuracy.csv", facts, output)
     lines = output.read_text().splitlines()
     assert lines[0] == "item,paper,reproduced,difference,tolerance,within"
     assert len(lines) == 1 + 3 * len(ROWS) + len(said)

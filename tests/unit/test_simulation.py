@@ -85,17 +85,43 @@ def test_relief_is_as_printed():
         assert height.mean() == pytest.approx(mean, rel=0.35)
 
 
-def test_survey_is_as_good_as_stated():
+def test_observations_are_as_good_as_stated():
     world = study_world()
-    parts = survey.field_targets(world)
-    assert sum(len(part.name) for part in parts) == 372
-    errors = []
-    for seed in range(60):
-        simulated = replace(world, seed=seed)
-        measured = survey.base_targets_field(simulated, "HDL-64E", "P1")
-        true = world.pose("P1").apply(survey.base_targets_true(world, "HDL-64E"))
-        errors.append((measured.xyz - true) / measured.std)
-    assert np.std(errors) == pytest.approx(1.0, abs=0.1)
+    true, noisy = (survey.field_book(world, noise=noise) for noise in (False, True))
+    assert len(true.planes) == 372
+    assert len(true.control.name) == 23
+    for exact, measured in (
+        (true.network, noisy.network),
+        (true.images, noisy.images),
+        *((part, noisy.base_sights[name]) for name, part in true.base_sights.items()),
+    ):
+        assert measured.target == exact.target
+        error = (measured.value - exact.value) / exact.std
+        error = error[np.isfinite(error)]
+        assert np.std(error) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(error)))
+        assert abs(np.mean(error)) < 4.0 / np.sqrt(len(error))
+
+
+def test_base_targets_are_intersected_not_measured():
+    """The paper has directions only: no sight to a base has a distance."""
+    for sights in survey.field_book(study_world()).base_sights.values():
+        base = np.array([name.startswith("B") for name in sights.target])
+        assert base.any()
+        np.testing.assert_array_equal(np.isfinite(sights.value[:, 2]), ~base)
+
+
+def test_a_new_position_changes_no_observation_of_others():
+    world = study_world()
+    more = replace(
+        world,
+        positions={**world.positions, "P9": world.positions["P5"]},
+        survey={**world.survey, "setups": {"P9": [[3, 3, 1], [2, 3, 1]], **world.survey["setups"]}},
+    )
+    one, other = survey.field_book(world), survey.field_book(more)
+    np.testing.assert_array_equal(one.images.value, other.images.value)
+    np.testing.assert_array_equal(one.network.value, other.network.value)
+    for name, sights in one.base_sights.items():
+        np.testing.assert_array_equal(sights.value, other.base_sights[name].value)
 
 
 def test_unknown_scanner():

@@ -28,6 +28,23 @@ def test_the_study_is_sound(config, schemas):
     check_files(study, "results/simulation", "config")
 
 
+def test_a_scanner_may_be_chosen_in_a_sheet(config, schemas, tmp_path):
+    rows = (schemas.parents[1] / config["samples"]).read_text().splitlines()
+    heading, *samples = [row for row in rows if row and not row.startswith("#")]
+    samples = [f"{row}\t\t" for row in samples]
+    samples[0] = samples[0].rstrip("\t") + "\t2369\t192.168.1.202"
+    samples[1] = samples[1].rstrip("\t") + "\t\t/left/velodyne_packets"
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text("\n".join([f"{heading}\tport\taddress", *samples]) + "\n")
+    surveyed = read_study(config | {"samples": str(sheet)}, schemas, "config").surveyed
+    chosen = [(sample.port, sample.address) for sample in surveyed.values()]
+    assert chosen[:2] == [(2369, "192.168.1.202"), (None, "/left/velodyne_packets")]
+    assert set(chosen[2:]) == {(None, None)}
+    sheet.write_text(sheet.read_text().replace("2369", "x"))
+    with pytest.raises(ConfigError, match="row 1: port"):
+        read_study(config | {"samples": str(sheet)}, schemas, "config")
+
+
 def changed(config, path, value):
     config = copy.deepcopy(config)
     place = config

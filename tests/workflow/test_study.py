@@ -79,8 +79,11 @@ def test_results_are_there(finished):
         "parameter_sets/HDL-64E/set1.xml",
         "parameter_sets/HDL-32E/set1.yaml",
         "simulation/truth/HDL-64E.csv",
+        "survey/network.png",
     ):
         assert (results / name).stat().st_size > 0
+    accuracy = pd.read_csv(results / "survey/network.csv")
+    assert list(accuracy["item"]) == ["control_points", "targets", "base_field", "base_scanner"]
     summary = pd.read_csv(results / "statistics/summary.csv")
     assert len(summary) == 2 * 3 * 4
     assert summary["std_cm"].notna().all()
@@ -96,7 +99,8 @@ def test_second_run_is_idle(finished):
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
     edited("src/velocal/figures.py", "\n# edited\n")
-    assert {rule for rule, _ in planned(finished)} == {"draw_figure", "write_report"}
+    drawn = {"draw_figure", "draw_network", "write_report"}
+    assert {rule for rule, _ in planned(finished)} == drawn
 
 
 def test_an_edited_module_in_the_middle(finished, edited):

@@ -9,6 +9,11 @@ sample	scanner	position	recording	calibration
 sa3	HDL-64E	P2	results/simulation/recordings/sa3.bin	results/simulation/factory/HDL-64E.xml
 sa5	HDL-32E	P5	results/simulation/recordings/sa5.bin	results/simulation/factory/HDL-32E.xml
 """
+_OUTDOOR_SHEET = """\
+sample	kind	scanner	scene	distance_m	azimuth_deg	recording	calibration
+o1	ideal	HDL-64E	ideal1	10	8	results/simulation/recordings/o1.bin	results/simulation/factory/HDL-64E.xml
+o2	real	HDL-32E	real1	10	8	results/simulation/recordings/o2.bin	results/simulation/factory/HDL-32E.xml
+"""  # noqa: E501
 NEW_ROW = """\
 sa6	HDL-32E	P6	results/simulation/recordings/sa6.bin	results/simulation/factory/HDL-32E.xml
 """
@@ -40,5 +45,8 @@ def make_tiny(folder: Path) -> None:
         },
         "24": {"kind": "within", "scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
     }  # fmt: skip
+    config["outdoor"]["rotations"] = 3
+    config["outdoor"]["figures"] = {"25": ["ideal", "HDL-64E"], "27": ["real", "HDL-32E"]}
     path.write_text(yaml.safe_dump(config, sort_keys=False))
     (folder / "config/samples.tsv").write_text(SHEET)
+    (folder / "config/outdoor_samples.tsv").write_text(_OUTDOOR_SHEET)

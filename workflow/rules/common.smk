@@ -45,7 +45,7 @@ wildcard_constraints:
     scanner=one_of(dict.fromkeys(s.scanner for s in STUDY.samples.values())),
     parameter_set=r"\w+",
     table=r"\d",
-    figure=r"\d\d",
+    figure=one_of(FIGURES),
     seed=r"\d+",
 
 
@@ -119,8 +119,9 @@ def figure_input(wildcards):
 
 
 def field_files():
+    table = [f"{RESULTS}/field/table.csv"] if STUDY.field else []
     return [
-        f"{RESULTS}/field/table.csv",
+        *table,
         *expand(
             f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
             sample=STUDY.field,
@@ -132,6 +133,8 @@ def field_files():
 def targets():
     """Everything that the study asks for."""
     wanted = [f"{RESULTS}/report.html"]
+    if STUDY.observations:
+        wanted.append(f"{RESULTS}/survey/network.svg")
     if STUDY.surveyed:
         wanted += set_files()
         wanted += [f"{RESULTS}/statistics/{name}.csv" for name in ("lasers", "summary")]
@@ -144,6 +147,4 @@ def targets():
             wanted += [
                 f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners
             ]
-    if STUDY.field:
-        wanted += field_files()
-    return wanted
+    return wanted + field_files() + outdoor_files()

@@ -22,6 +22,8 @@ rule index_recording:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
         library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
@@ -37,6 +39,8 @@ rule read_stream_calibration:
     conda:
         "../../environment.yml"
     params:
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
         library=library("read_stream_calibration"),
     script:
         "../../scripts/read_stream_calibration.py"
@@ -56,6 +60,9 @@ rule decode_returns:
         mem_mb=800,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
+        which=config["reduction"].get("return", "strongest"),
         length=config.get("windows", {}).get("rotations"),
         library=library("decode_returns"),
     script:

@@ -31,6 +31,9 @@ rule compare_with_paper:
     input:
         tables=table_files(["csv"]),
         summary=f"{RESULTS}/statistics/summary.csv",
+        surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
+        accuracy=f"{RESULTS}/survey/network.csv",
+        facts=[f"{RESULTS}/outdoor/facts.csv"] if STUDY.outdoor else [],
     output:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:
@@ -67,7 +70,8 @@ rule draw_figure:
 rule write_report:
     input:
         ledgers=expand(
-            f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=STUDY.samples
+            f"{RESULTS}/recordings/{{sample}}/ledger.json",
+            sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         tables=table_files(["csv"]),
         figures=figure_files(["png", "csv"]),
@@ -81,7 +85,8 @@ rule write_report:
         sets=set_files(["csv"]),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
         methods=method_files(["csv", "png"]),
-        field=[f for f in field_files() if not f.endswith("svg")] if STUDY.field else [],
+        field=[f for f in field_files() if not f.endswith("svg")],
+        outdoor=[f for f in outdoor_files() if not f.endswith("svg")],
     output:
         report=f"{RESULTS}/report.html",
     log:

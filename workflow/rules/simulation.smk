@@ -3,7 +3,7 @@
 # in:   config/world.yaml
 # out:  {results}/simulation/recordings/{sample}.bin   records of 1248 bytes
 #       {results}/simulation/factory/{scanner}.xml     the factory's calibration
-#       {results}/simulation/survey/*.csv              targets, as a surveyor hands them over
+#       {results}/simulation/survey/*.csv              observations of the surveyor
 #       {results}/simulation/truth/{scanner}.csv       read by tests and comparisons only
 #
 # A sample is simulated if its row names a recording below {results}/simulation; a row that names
@@ -47,9 +47,11 @@ if WORLD:
         input:
             world=WORLD,
         output:
-            planes=f"{RESULTS}/simulation/survey/planes.csv",
-            base_scanner=f"{RESULTS}/simulation/survey/base_scanner.csv",
-            base_field=f"{RESULTS}/simulation/survey/base_field.csv",
+            points=f"{RESULTS}/simulation/survey/points.csv",
+            network=f"{RESULTS}/simulation/survey/network.csv",
+            images=f"{RESULTS}/simulation/survey/images.csv",
+            base_sights=f"{RESULTS}/simulation/survey/base_sights.csv",
+            base_readings=f"{RESULTS}/simulation/survey/base_readings.csv",
         log:
             f"{RESULTS}/logs/simulate_survey.log",
         conda:

@@ -8,30 +8,21 @@ from typing import Annotated
 import typer
 
 from velocal.calibration_files import formats
-from velocal.cli.common import Recording, scan
+from velocal.cli.common import Address, Port, Recording, scan
+from velocal.recording.reading import Choice
 from velocal.status import StatusStream
 
-app = typer.Typer(
-    help="Calibration files.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
 
-
-@app.callback()
-def _group() -> None:
-    """Calibration files."""
-
-
-@app.command("from-recording")
 def from_recording(
     file: Recording,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Calibration to write: .xml .yaml .csv")
+        Path, typer.Option("--output", "-o", help="Calibration to write: .xml .yaml .csv .json")
     ],
+    port: Port = None,
+    address: Address = None,
 ) -> None:
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
-    status = scan(file).status
+    status = scan(file, Choice(port, address)).status
     formats.write(output, status.calibration(str(file)))
     print(f"{output}: {table_summary(status)}")
 

@@ -14,13 +14,12 @@ from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.sensors import (
     AZIMUTH_TICK_DEG,
     AZIMUTH_TICKS,
-    DISTANCE_TICK_M,
     SCANNERS,
     Scanner,
 )
-from velocal.simulation.scene import cast, surveyed_field
+from velocal.simulation.scene import Scene, cast, field_scene
 from velocal.simulation.status import encode_table, status_bytes, table_packets
-from velocal.simulation.truth import drift, factory_parameters, position_errors, unit_truth
+from velocal.simulation.truth import drift, factory_parameters, unit_truth
 from velocal.simulation.world import ScannerWorld, World
 from velocal.status import TABLE_PACKETS
 
@@ -59,37 +58,40 @@ class Shots:
     intensity: NDArray[np.uint8]
 
 
-def shots_at(world: World, scanner_name: str, position: str) -> Shots:
+def shots_at(world: World, scanner_name: str, position: str | Scene) -> Shots:
     """Cast the beams of all lasers at every raw azimuth: what all samples of a position share."""
-    scanner = SCANNERS[scanner_name]
+    scanner, scene = SCANNERS[scanner_name], _scene(world, scanner_name, position)
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
-    pose = world.pose(position)
-    surfaces = surveyed_field(world)
-    reflectance = np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)])
+    pose, surfaces = scene.pose, scene.surfaces
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
     noise = np.zeros_like(ticks)
     intensity = np.zeros(ticks.shape, dtype=np.uint8)
     start = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
-    pattern = position_errors(world, scanner.name, position)
     for laser in range(scanner.n_lasers):
         lasers = np.full(AZIMUTH_TICKS, laser)
         # A laser that fires late in its firing sees the head turned on.
         phi = start + rate * scanner.firing_offset_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
         length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
-        measured = truth.raw(length, lasers) + pattern[:, laser]
+        measured = truth.raw(length, lasers) + scene.errors[:, laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
-        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
-        intensity[seen, laser] = reflectance[surface[seen]]
+        ticks[seen, laser] = measured[seen] / scanner.distance_tick_m
+        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
+        intensity[seen, laser] = scene.reflectance[surface[seen]]
     return Shots(ticks, noise, intensity)
+
+
+def _scene(world: World, scanner_name: str, position: str | Scene) -> Scene:
+    if isinstance(position, Scene):
+        return position
+    return field_scene(world, scanner_name, position)
 
 
 def records(
     world: World,
     scanner_name: str,
-    position: str,
+    position: str | Scene,
     sample: str,
     rotations: int,
     progress: Callable[[int, int], None] | None = None,
@@ -100,8 +102,10 @@ def records(
     Parameters
     ----------
     world : World
-    scanner_name, position, sample : str
-        Scanner, position and name of the sample; the name selects its random stream.
+    scanner_name, sample : str
+        Scanner and name of the sample; the name selects its random stream.
+    position : str or Scene
+        Position in the surveyed field, or another scene.
     rotations : int
         Complete rotations that the recording holds at least.
     progress : callable, optional
@@ -118,7 +122,8 @@ def records(
     rng = world.rng("shots", scanner_name, sample)
     if shots is None:
         shots = shots_at(world, scanner_name, position)
-    drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
+    between = position.between if isinstance(position, Scene) else None
+    drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
     # One rotation more and a bit: the recording begins and ends in the middle of one.
@@ -139,7 +144,11 @@ def records(
         azimuth = np.rint(angle / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step % AZIMUTH_TICKS
         at = firing_time.ravel() / (packets * packet_interval)
         shift = _between(drift_ticks, at)
-        distance = _measure(rng, shots.ticks[ticks], shift, shots.noise[ticks], unit)
+        ideal = shots.ticks[ticks]
+        if between is not None:
+            ideal = between(rng, firing_time.ravel(), np.deg2rad(angle), ideal)
+        noise = shots.noise[ticks]
+        distance = _measure(rng, ideal, shift, noise, unit, scanner.distance_tick_m)
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
@@ -189,13 +198,14 @@ def _measure(
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
     unit: ScannerWorld,
+    tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""
     shots = ideal + shift
     shots += rng.standard_normal(shots.shape, dtype=np.float32) * noise_ticks
     outliers = int(rng.binomial(shots.size, unit.errors.outlier_share))
     where = rng.integers(0, shots.size, outliers)
-    size = unit.errors.outlier_cm * 1e-2 / DISTANCE_TICK_M
+    size = unit.errors.outlier_cm * 1e-2 / tick_m
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan

@@ -20,11 +20,12 @@ from velocal.planes import Plane
 from velocal.rigid import RigidTransformation
 from velocal.sensors import SCANNERS
 from velocal.simulation.scene import Surface, cast, surveyed_field
-from velocal.simulation.survey import base_targets_field, base_targets_scanner, field_targets
+from velocal.simulation.survey import base_targets_true, field_book, marks
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import ErrorModel, World
 from velocal.station import Station, adjust_station, as_dict, uncertainty_of
-from velocal.survey import Targets, joined
+from velocal.survey import Targets
+from velocal.survey_network import adjust_field_book
 
 Array = NDArray[np.float64]
 
@@ -174,12 +175,13 @@ def full_draws(
     ]
     fields = [surveyed_field(world) for world in worlds]
     reliefs = [[field[name] for name in PLANES] for field in fields]
-    targets = [joined(field_targets(_exact(world, at.scanner))) for world in worlds]
+    targets = [marks(world, world.field["targets"], "targets").xyz for world in worlds]
+    design = _design(at)
     for run in range(runs):
         rng = _stream(seed, run, 2)
         true = true_parameters(rng, at.factory, stochastic, names)
         scene = run % scenes
-        station = _survey(at, rng, targets[scene])
+        station = _survey(at, rng, targets[scene], design)
         length = _ranges(at, true, reliefs[scene])
         size = np.exp(rng.normal(0.0, errors.pattern_log, n_lasers)) * errors.pattern_median_cm
         shift = (
@@ -266,28 +268,34 @@ def _pattern_factors(at: Geometry) -> list[Array]:
     return factors
 
 
-def _exact(world: World, scanner: str) -> World:
-    """Return the same world, its targets measured without errors."""
-    unit = replace(world.scanner(scanner), base_scanner_std_mm=0.0, base_field_std_mm=0.0)
-    return replace(
-        world,
-        field={**world.field, "target_std_mm": 0.0},
-        scanners={**world.scanners, scanner: unit},
-    )
+@dataclass(frozen=True)
+class _Design:
+    """Targets of a position with the covariances of their survey, and the roots of these."""
+
+    planes: Targets
+    base_scanner: Targets
+    base_field: Targets
+    roots: tuple[Array, Array, Array]
 
 
-def _survey(at: Geometry, rng: np.random.Generator, targets: Targets) -> Station:
+def _design(at: Geometry) -> _Design:
+    """Adjust the survey once, without errors: it tells the covariances that all runs have."""
+    survey = adjust_field_book(field_book(at.world, noise=False), a_priori=True)
+    parts = survey.planes, survey.readings[at.scanner].targets, survey.base_field[at.position]
+    roots = []
+    for part in parts:
+        values, vectors = np.linalg.eigh(part.covariance())
+        roots.append(vectors * np.sqrt(np.maximum(values, 0.0)))
+    return _Design(*parts, (roots[0], roots[1], roots[2]))
+
+
+def _survey(at: Geometry, rng: np.random.Generator, targets: Array, design: _Design) -> Station:
     """Survey of the position with new errors of all targets, and its adjustment."""
-    unit, exact = at.world.scanner(at.scanner), _exact(at.world, at.scanner)
-
-    def measured(true: Targets, std_mm: float) -> Targets:
-        std = np.full(true.xyz.shape, std_mm * 1e-3)
-        return replace(true, xyz=true.xyz + rng.normal(0.0, std), std=std)
-
-    return adjust_station(
-        measured(targets, at.world.field["target_std_mm"]),
-        measured(base_targets_scanner(exact, at.scanner), unit.base_scanner_std_mm),
-        measured(base_targets_field(exact, at.scanner, at.position), unit.base_field_std_mm),
-        PLANES,
-        where="Monte Carlo",
+    base = base_targets_true(at.world, at.scanner).xyz
+    parts = design.planes, design.base_scanner, design.base_field
+    true = targets, base, at.world.pose(at.position).apply(base)
+    planes, scanner, field = (
+        replace(part, xyz=xyz + (root @ rng.standard_normal(len(root))).reshape(-1, 3))
+        for part, xyz, root in zip(parts, true, design.roots, strict=True)
     )
+    return adjust_station(planes, scanner, field, PLANES, where="Monte Carlo")

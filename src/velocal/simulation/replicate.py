@@ -27,12 +27,13 @@ from velocal.recording.windows import window_rotations
 from velocal.returns import write_returns
 from velocal.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.sensors import AZIMUTH_TICK_DEG, SCANNERS, Scanner
-from velocal.simulation import capture, survey
+from velocal.simulation import capture
+from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
 from velocal.station import Station, adjust_station, as_dict, observations, uncertainty_of
 from velocal.study import Sample, Study
-from velocal.survey import joined
+from velocal.survey_network import Survey, adjust_field_book
 from velocal.validation import statistics_table
 
 Columns = dict[str, NDArray[Any]]
@@ -51,8 +52,9 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
         Rotations of a window; the configuration's are not used.
     """
     parts: list[pd.DataFrame] = []
+    survey = adjust_field_book(field_book(world))
     for scanner in study.scanners:
-        parts += _of_scanner(world, study, scanner, rotations)
+        parts += _of_scanner(world, study, survey, scanner, rotations)
     return pd.concat(parts, ignore_index=True)
 
 
@@ -105,7 +107,9 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
     )
 
 
-def _of_scanner(world: World, study: Study, scanner: str, rotations: int) -> Iterator[pd.DataFrame]:
+def _of_scanner(
+    world: World, study: Study, survey: Survey, scanner: str, rotations: int
+) -> Iterator[pd.DataFrame]:
     config, known = study.config, SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
     gates = Gates.from_config(config["assignment"]["gates"])
@@ -118,7 +122,7 @@ def _of_scanner(world: World, study: Study, scanner: str, rotations: int) -> Ite
         position = str(sample.position)
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
-        station = _station(world, scanner, position, config["assignment"]["planes"])
+        station = _station(survey, scanner, position, config["assignment"]["planes"])
         stochastic = settings.stochastic(settled, [uncertainty_of(as_dict(station))])
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
@@ -188,14 +192,9 @@ def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> 
     return asdict(reduced)
 
 
-def _station(world: World, scanner: str, position: str, planes: list[str]) -> Station:
-    return adjust_station(
-        joined(survey.field_targets(world)),
-        survey.base_targets_scanner(world, scanner),
-        survey.base_targets_field(world, scanner, position),
-        planes,
-        where="replica",
-    )
+def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
+    base = survey.readings[scanner].targets
+    return adjust_station(survey.planes, base, survey.base_field[position], planes, where="replica")
 
 
 def _windows(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.rigid import RigidTransformation
+from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]
@@ -79,7 +81,43 @@ class Surface:
         return np.where(inside, flat, np.inf)
 
 
-def _relief(
+class Between(Protocol):
+    """What moves or floats between scanner and surfaces, and changes single shots."""
+
+    def __call__(
+        self,
+        rng: np.random.Generator,
+        time_s: Array,
+        angle: Array,
+        ideal: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Raw distances, ticks, of firings, shape (n, lasers), at times and azimuths (radians)."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a scanner stands in.
+
+    Attributes
+    ----------
+    surfaces : dict of str to Surface
+    reflectance : ndarray
+        Intensity of the returns of each.
+    pose : RigidTransformation
+        `T_scene_scanner`.
+    errors : ndarray, shape (36000, n) or (36000, 1)
+        Range errors that stay with the place, metres, over raw azimuth; see `position_errors`.
+    between : Between or None
+    """
+
+    surfaces: dict[str, Surface]
+    reflectance: Array
+    pose: RigidTransformation
+    errors: Array
+    between: Between | None = None
+
+
+def draw_relief(
     rng: np.random.Generator, size: tuple[float, float], flatness: Mapping[str, float]
 ) -> Relief:
     """Draw a relief whose mean and largest absolute deviation are as printed."""
@@ -114,7 +152,7 @@ def surveyed_field(world: World) -> dict[str, Surface]:
     def surveyed(
         name: str, across: Array, up: Array, normal: Array, size: tuple[float, float]
     ) -> Surface:
-        relief = _relief(world.rng("relief", name), size, field["flatness"][name])
+        relief = draw_relief(world.rng("relief", name), size, field["flatness"][name])
         return Surface(name, np.zeros(3), across, up, normal, size, relief)
 
     surfaces = [
@@ -135,6 +173,17 @@ def surveyed_field(world: World) -> dict[str, Surface]:
         Surface("room_ceiling", corner + top * ez, ex, ey, -ez, (wide, deep)),
     ]
     return {surface.name: surface for surface in surfaces}
+
+
+def field_scene(world: World, scanner: str, position: str) -> Scene:
+    """The surveyed field, seen from a position."""
+    surfaces = surveyed_field(world)
+    return Scene(
+        surfaces,
+        np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)]),
+        world.pose(position),
+        position_errors(world, scanner, position),
+    )
 
 
 def cast(

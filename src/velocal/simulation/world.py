@@ -12,6 +12,9 @@ import numpy as np
 from velocal.errors import ConfigError
 from velocal.rigid import RigidTransformation, rotation_from_vector
 
+#: Share that is left of the surveyor's errors in a world without errors.
+_TINY = 1e-6
+
 
 @dataclass(frozen=True)
 class ErrorModel:
@@ -99,21 +102,23 @@ class ScannerWorld:
     min_range_m: float
     dropout: float
     base_targets: Mapping[str, Any]
-    base_scanner_std_mm: float
-    base_field_std_mm: float
+    base_scanner: Mapping[str, Any]
+    base_pointing_mm: float
     factory: FactoryModel | None
     errors: ErrorModel
 
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: field, positions, warmth, units, seed."""
+    """The whole world: seed, field, positions, warmth, units, outdoor scenes."""
 
     seed: int
     field: Mapping[str, Any]
     positions: Mapping[str, Mapping[str, Any]]
     warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
+    survey: Mapping[str, Any]
+    outdoor: Mapping[str, Any] | None = None
 
     def rng(self, *stream: str) -> np.random.Generator:
         """Random stream of its own for every name: a new sample changes no other."""
@@ -148,15 +153,21 @@ class World:
             scanners[name] = replace(
                 unit,
                 dropout=0.0,
-                base_scanner_std_mm=1e-6,
-                base_field_std_mm=1e-6,
+                base_scanner={
+                    **unit.base_scanner,
+                    "std_mm": [_TINY * std for std in unit.base_scanner["std_mm"]],
+                },
+                base_pointing_mm=_TINY * unit.base_pointing_mm,
                 errors=replace(unit.errors, **zeros),
             )
         flat = {name: {"mean_mm": 0.0, "max_mm": 0.0} for name in self.field["flatness"]}
+        station = {name: _TINY * std for name, std in self.survey["total_station"].items()}
+        camera = {**self.survey["camera"], "image_um": _TINY * self.survey["camera"]["image_um"]}
         return replace(
             self,
-            field={**self.field, "flatness": flat, "target_std_mm": 1e-6},
+            field={**self.field, "flatness": flat},
             scanners=scanners,
+            survey={**self.survey, "total_station": station, "camera": camera},
         )
 
     def check_position(self, position: str, scanner: str) -> None:
@@ -205,4 +216,12 @@ def load(content: Mapping[str, Any]) -> World:
             }
         )
     warmth = Warmth(**content["warmth"])
-    return World(content["seed"], content["field"], content["positions"], warmth, scanners)
+    return World(
+        content["seed"],
+        content["field"],
+        content["positions"],
+        warmth,
+        scanners,
+        content["survey"],
+        content.get("outdoor"),
+    )

@@ -1,0 +1,147 @@
+"""Outdoor validation over seeds of the simulated world, without packets and files.
+
+The outdoor constants of config/world.yaml were tuned with it. Returns are drawn on the panels
+alone; parameter sets come from exact planes and medians without noise. Fog and people are left
+out, as they only take returns away.
+
+Usage: python benchmarks/outdoor_seeds.py [seeds]      (default 10; the first is the study's)
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from velocal import field, outdoor
+from velocal.adjustment import settings
+from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.beam_model import laser_beams
+from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
+from velocal.simulation import truth, world
+from velocal.simulation.outdoor import outdoor_scene
+from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.study import read_yaml
+
+PLANES = 3
+ROTATIONS = 12
+
+
+def shots(simulated, scanner, scene: Scene, ticks):
+    """Length, raw distance without noise, and first surface of all lasers at raw azimuths."""
+    true = truth.unit_truth(simulated, scanner)
+    lasers = np.repeat(np.arange(len(true.noise_m)), len(ticks))
+    at = np.tile(ticks, len(true.noise_m))
+    phi = np.deg2rad(at * AZIMUTH_TICK_DEG)
+    direction, origin = laser_beams(phi, lasers, true.parameters)
+    length, surface = cast(
+        scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
+    )
+    raw = true.raw(length, lasers) + scene.errors[at, lasers]
+    return phi, lasers, length, raw, surface
+
+
+def adjusted(simulated, scanner, position, sample, config):
+    """Corrections of one sample on the surveyed field."""
+    scene = field_scene(simulated, scanner, position)
+    phi, lasers, _, raw, surface = shots(simulated, scanner, scene, np.arange(0, AZIMUTH_TICKS, 27))
+    hit = (surface >= 0) & (surface < PLANES)
+    raw = raw + truth.drift(simulated, scanner, sample).mean(axis=0)[lasers]
+    planes = list(scene.surfaces.values())[:PLANES]
+    inverse = scene.pose.inverse()
+    normal = np.array([-plane.normal @ scene.pose.rotation for plane in planes])
+    offset = np.array(
+        [-n @ inverse.apply(plane.corner) for n, plane in zip(normal, planes, strict=True)]
+    )
+    s = surface[hit]
+    seen = Observations(raw[hit], phi[hit], lasers[hit], normal[s], offset[s], s)
+    names = config["parameters"]
+    factory = truth.factory_parameters(simulated, scanner)
+    # Only the corrections are of interest here: what covariances need is left out.
+    plain = {k: v for k, v in config.items() if k not in ("block_deg", "repeatability_cm")}
+    results = adjust_all(seen, factory, names, settings.solver(plain), settings.stochastic(plain))
+    return dict(zip(names, np.array([r.corrections for r in results]).T, strict=True))
+
+
+def parameter_sets(simulated, scanner, config, positions):
+    """Factory values and parameter sets as the study forms them."""
+    factory = truth.factory_parameters(simulated, scanner)
+    adjustment = dict(config["adjustment"])
+    adjustment |= adjustment.pop("by_scanner", {}).get(scanner, {})
+    sets = config["parameter_sets"][scanner]
+    single = {
+        name: adjusted(simulated, scanner, positions[name], name, adjustment)
+        for name in dict.fromkeys(sample for samples in sets.values() for sample in samples)
+    }
+    return {outdoor.BEFORE: factory} | {
+        name: factory.corrected(
+            {key: np.mean([single[s][key] for s in samples], axis=0) for key in single[samples[0]]}
+        )
+        for name, samples in sets.items()
+    }
+
+
+def sample(simulated, row, candidates, config):
+    """Rows of the panels of one outdoor sample."""
+    scanner = SCANNERS[row["scanner"]]
+    scene = outdoor_scene(simulated, scanner.name, row["scene"], 1.0)
+    middle, half = simulated.outdoor["azimuth_deg"], np.rad2deg(2.5 / float(row["distance_m"]))
+    rng = simulated.rng("tuning", row["sample"])
+    # All lasers are off by up to ten degrees: the sector is wide enough for each.
+    step = scanner.firing_cycle_s * 3600.0 / AZIMUTH_TICK_DEG
+    sector = np.arange(middle - half - 12.0, middle + half + 12.0, step * AZIMUTH_TICK_DEG)
+    ticks = np.rint(np.concatenate([sector + rng.uniform(0, 1) for _ in range(ROTATIONS)]) / 0.01)
+    ticks = ticks.astype(int) % AZIMUTH_TICKS
+    phi, lasers, length, raw, surface = shots(simulated, scanner.name, scene, ticks)
+    hit = surface > 0
+    phi, lasers, length, raw = phi[hit], lasers[hit], length[hit], raw[hit]
+    drift = truth.drift(simulated, scanner.name, row["sample"]).mean(axis=0)
+    noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
+    noise *= np.hypot(1.0, simulated.outdoor["kinds"][row["kind"]]["fog"]["noise"])
+    raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
+    cloud = field.Cloud.of(raw, phi, lasers, candidates[outdoor.BEFORE])
+    panels = outdoor.Panels.from_config(
+        row["distance_m"], row["azimuth_deg"], config["panels"], config["fit"]
+    )
+    planes = outdoor.fit_panels(cloud, panels, outdoor.search(config["fit"]), row["sample"])
+    heading = {key: row[key] for key in outdoor.HEADING}
+    return [heading | each for each in outdoor.panel_rows(cloud, planes, candidates)]
+
+
+def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """All samples and the means of a seed; the study's own seed if it is zero."""
+    config = read_yaml(Path("config/config.yaml"))
+    simulated = world.load(read_yaml(Path(config["simulation"]["world"])))
+    simulated = replace(simulated, seed=simulated.seed + seed)
+    positions = dict(pd.read_csv(config["samples"], sep="\t")[["sample", "position"]].to_numpy())
+    rows = pd.read_csv(config["outdoor"]["samples"], sep="\t").to_dict(orient="records")
+    candidates = {
+        name: parameter_sets(simulated, name, config, positions) for name in simulated.scanners
+    }
+    samples, means = outdoor.summarise(
+        [
+            panel
+            for row in rows
+            for panel in sample(simulated, row, candidates[row["scanner"]], config["outdoor"])
+        ]
+    )
+    return pd.DataFrame(samples), pd.DataFrame(means).assign(seed=simulated.seed)
+
+
+def main(seeds: int) -> None:
+    """Print the samples of the study's seed, the means of every seed, and their mean."""
+    every = []
+    for seed in range(seeds):
+        samples, means = study(seed)
+        if not seed:
+            print(samples.drop(columns=["points", "trimmed"]).round(2).to_string(index=False))
+        every.append(means)
+    table = pd.concat(every)
+    shown = ["before_cm", "after_cm"]
+    print(table.pivot(index="seed", columns=["kind", "scanner"], values=shown).round(2).to_string())
+    print(table.groupby(["kind", "scanner"])[shown].agg(["mean", "std"]).round(2).to_string())
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10)

@@ -1,0 +1,32 @@
+"""Adjust the observations of a survey to coordinates with their accuracy."""
+
+from pathlib import Path
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.field_book import FILES, read_field_book
+from velocal.survey import write_targets
+from velocal.survey_network import accuracy, adjust_field_book, as_dict, covariances
+
+
+def main(observations: dict[str, Path], out: dict[str, Path]) -> None:
+    """Write survey files, and how good every adjustment is."""
+    survey = adjust_field_book(read_field_book(observations), where=str(observations["points"]))
+    write_targets(out["control"], "frame", [survey.control_points])
+    write_targets(out["planes"], "plane", [survey.planes])
+    write_targets(out["base_field"], "position", list(survey.base_field.values()))
+    write_targets(
+        out["base_scanner"], "scanner", [found.targets for found in survey.readings.values()]
+    )
+    storage.write_json(out["covariance"], covariances(survey.base_field))
+    storage.write_json(out["quality"], as_dict(survey))
+    storage.write_csv(out["accuracy"], accuracy(survey), digits=4)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        given = snakemake.input
+        main(
+            {name: Path(given[name]) for name in FILES if given.get(name)},
+            {name: Path(path) for name, path in snakemake.output.items()},
+        )

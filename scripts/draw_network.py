@@ -1,0 +1,23 @@
+"""Picture of the adjusted network of a survey."""
+
+from pathlib import Path
+
+from velocal import storage
+from velocal.errors import reported
+from velocal.figures import save
+from velocal.network_figure import draw_network
+
+
+def main(quality: Path, svg: Path, png: Path, *, simulated: bool) -> None:
+    """Draw set-ups, points with error ellipses, and how good all points are."""
+    save(draw_network(storage.read_json(quality), simulated=simulated), svg, png)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.quality),
+            Path(snakemake.output.svg),
+            Path(snakemake.output.png),
+            simulated=snakemake.params.simulated,
+        )

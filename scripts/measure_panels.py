@@ -1,0 +1,67 @@
+"""Fit planes to the panels of an outdoor recording, with every calibration."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pandas as pd
+
+from velocal import outdoor, schemas, storage
+from velocal.calibration_files import formats
+from velocal.errors import reported
+from velocal.field import Cloud
+from velocal.recording.identify import check_scanner
+from velocal.recording.rotations import inspect
+from velocal.recording.windows import window_rotations
+from velocal.returns import write_returns
+from velocal.scans import COLUMNS, first_rotations
+from velocal.sensors import scanner_named
+
+
+def main(
+    recording: Path,
+    calibration: Path | None,
+    sets: list[Path],
+    ledger: Path,
+    panels: Path,
+    *,
+    sample: Mapping[str, Any],
+    boxes: Mapping[str, Any],
+    fit: Mapping[str, float],
+) -> None:
+    """Write the ledger as JSON and the standard deviations of s as CSV."""
+    known = scanner_named(sample["scanner"])
+    found = inspect(recording)
+    remarks = check_scanner(found, known, str(recording))
+    with TemporaryDirectory(dir=ledger.parent) as folder:
+        returns = Path(folder) / "returns.parquet"
+        rotations = window_rotations(found.index, "all", None, str(recording))
+        write_returns(recording, found.index, rotations, known, returns)
+        columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
+    factory = formats.read_or_nominal(calibration, known)
+    shots = first_rotations(columns, len(rotations))
+    cloud = Cloud.of_medians(shots, known, facts["rotation_rate_hz"], factory)
+    candidates = {outdoor.BEFORE: factory}
+    candidates |= {path.stem: formats.read(path, known.n_lasers) for path in sets}
+    place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
+    planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
+    heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
+    rows = [heading | row for row in outdoor.panel_rows(cloud, planes, candidates)]
+    storage.write_csv(panels, pd.DataFrame(rows))
+    facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}
+    storage.write_json(ledger, facts)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.recording),
+            Path(c) if (c := snakemake.input.calibration) else None,
+            [Path(path) for path in snakemake.input.sets],
+            Path(snakemake.output.ledger),
+            Path(snakemake.output.panels),
+            sample=snakemake.params.sample,
+            boxes=snakemake.params.panels,
+            fit=snakemake.params.fit,
+        )

@@ -1,0 +1,101 @@
+# Outdoor validation: panels at 10 to 35 m, without a survey.
+#
+# in:   recordings of the outdoor sheet, the factory's calibration, every parameter set of the
+#       scanner; the world, for recordings that are simulated
+# out:  {results}/recordings/{outdoor}/ledger.json  what was used, what not and why
+#       {results}/outdoor/{outdoor}.csv             std of s about the plane of every panel, before
+#                                                   and with each set
+#       {results}/outdoor/summary.csv, means.csv    one row per sample; per kind and scanner
+#       {results}/outdoor/facts.csv                 the means as items and values
+#       {results}/figures/figure_NN.{svg,png,csv}   std against distance, all on one scale
+#
+# The recordings are short: index, decoding and planes of one are a single job.
+
+OUTDOOR = config.get("outdoor", {})
+OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
+
+
+wildcard_constraints:
+    outdoor=one_of(STUDY.outdoor),
+
+
+def outdoor_sample(wildcards):
+    return STUDY.outdoor[wildcards.outdoor]
+
+
+def outdoor_files():
+    """What the study asks for."""
+    return [
+        *[f"{RESULTS}/outdoor/{n}.csv" for n in ("means", "summary") if STUDY.outdoor],
+        *expand(
+            f"{RESULTS}/figures/figure_{{number}}.{{suffix}}",
+            number=OUTDOOR_FIGURES,
+            suffix=("svg", "png", "csv"),
+        ),
+    ]
+
+
+if WORLD:
+
+    rule simulate_outdoor:
+        input:
+            world=WORLD,
+        output:
+            recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
+        log:
+            f"{RESULTS}/logs/simulate_outdoor/{{outdoor}}.log",
+        conda:
+            "../../environment.yml"
+        params:
+            scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
+            scene=lambda wildcards: outdoor_sample(wildcards).scene,
+            rotations=OUTDOOR.get("rotations"),
+            library=library("simulate_outdoor"),
+        script:
+            "../../scripts/simulate_outdoor.py"
+
+
+rule measure_panels:
+    input:
+        recording=lambda wildcards: outdoor_sample(wildcards).recording,
+        calibration=lambda wildcards: factory_path(outdoor_sample(wildcards).scanner),
+        sets=lambda wildcards: expand(
+            f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
+            scanner=outdoor_sample(wildcards).scanner,
+            parameter_set=STUDY.parameter_sets[outdoor_sample(wildcards).scanner],
+        ),
+    output:
+        ledger=f"{RESULTS}/recordings/{{outdoor}}/ledger.json",
+        panels=f"{RESULTS}/outdoor/{{outdoor}}.csv",
+    log:
+        f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
+    conda:
+        "../../environment.yml"
+    params:
+        sample=lambda wildcards: vars(outdoor_sample(wildcards)),
+        panels=OUTDOOR.get("panels"),
+        fit=OUTDOOR.get("fit"),
+        library=library("measure_panels"),
+    script:
+        "../../scripts/measure_panels.py"
+
+
+rule summarise_outdoor:
+    input:
+        panels=expand(f"{RESULTS}/outdoor/{{sample}}.csv", sample=STUDY.outdoor),
+    output:
+        summary=f"{RESULTS}/outdoor/summary.csv",
+        means=f"{RESULTS}/outdoor/means.csv",
+        facts=f"{RESULTS}/outdoor/facts.csv",
+        figures=[f for f in outdoor_files() if "/figures/" in f],
+    log:
+        f"{RESULTS}/logs/summarise_outdoor.log",
+    conda:
+        "../../environment.yml"
+    params:
+        figures=OUTDOOR_FIGURES,
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+        library=library("summarise_outdoor"),
+    script:
+        "../../scripts/summarise_outdoor.py"

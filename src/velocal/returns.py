@@ -64,7 +64,7 @@ def write_returns(
     int
         Number of rows.
     """
-    rows = packets = 0
+    rows = 0
     facts: dict[str, Any] = {
         "scanner": scanner.name,
         "rotations": len(rotations),
@@ -74,28 +74,52 @@ def write_returns(
         "returns": returns,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        parts = read_rotations(recording, index, rotations, choice)
-        for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
-            firings = decode(payloads, scanner, returns)
-            of_firing = rotation.reshape(-1)[firings.block]
-            keep = of_firing >= 0
-            width = scanner.lasers_per_firing
-            count = int(keep.sum())
-            columns = {
-                "rotation": np.repeat(of_firing[keep].astype(np.uint32), width),
-                "timestamp": np.repeat(firings.timestamp[keep], width),
-                "azimuth": np.repeat(firings.azimuth[keep], width),
-                "laser_id": firings.laser_id()[keep].reshape(-1),
-                "distance": firings.distance[keep].reshape(-1),
-                "intensity": firings.intensity[keep].reshape(-1),
-                "return": np.repeat(firings.which[keep], width),
-            }
+        for columns in returns_of(
+            recording, index, rotations, scanner, progress, returns=returns, choice=choice
+        ):
             writer.write(columns)
-            rows += count * width
-            packets += len(payloads)
-            if progress is not None:
-                progress(packets)
+            rows += len(columns["laser_id"])
     return rows
+
+
+def returns_of(
+    recording: Path,
+    index: RotationIndex,
+    rotations: NDArray[np.int64],
+    scanner: Scanner,
+    progress: Progress | None = None,
+    *,
+    returns: str = "strongest",
+    choice: Choice = ANY,
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Decode rotations of a recording, some thousand packets at a time.
+
+    Parameters are those of `write_returns`.
+
+    Yields
+    ------
+    dict of str to ndarray
+        Columns of `schemas.RETURNS`.
+    """
+    packets = 0
+    parts = read_rotations(recording, index, rotations, choice)
+    for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
+        firings = decode(payloads, scanner, returns)
+        of_firing = rotation.reshape(-1)[firings.block]
+        keep = of_firing >= 0
+        width = scanner.lasers_per_firing
+        yield {
+            "rotation": np.repeat(of_firing[keep].astype(np.uint32), width),
+            "timestamp": np.repeat(firings.timestamp[keep], width),
+            "azimuth": np.repeat(firings.azimuth[keep], width),
+            "laser_id": firings.laser_id()[keep].reshape(-1),
+            "distance": firings.distance[keep].reshape(-1),
+            "intensity": firings.intensity[keep].reshape(-1),
+            "return": np.repeat(firings.which[keep], width),
+        }
+        packets += len(payloads)
+        if progress is not None:
+            progress(packets)
 
 
 _Part = tuple[NDArray[np.uint8], NDArray[np.int64]]

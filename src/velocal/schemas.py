@@ -79,3 +79,19 @@ RESIDUALS = _schema(
         _field("after_m", pa.float32(), "m", "s with the adjusted parameters"),
     ],
 )
+
+MAP = _schema(
+    "map",
+    [
+        _field("position", pa.uint8(), "1", "position, index into metadata `positions`"),
+        _LASER,
+        *(
+            _field(f"{axis}_{state}_m", pa.float32(), "m", f"point in one frame, {what}")
+            for state, what in (
+                ("factory", "factory parameters"),
+                ("refined", "parameter set of metadata `set`"),
+            )
+            for axis in "xyz"
+        ),
+    ],
+)

@@ -319,16 +319,38 @@ def _check_references(study: Study, where: str) -> None:
     for scanner in study.scanners:
         if scanner not in config["parameter_sets"]:
             raise ConfigError(f"parameter_sets has no {scanner!r}", where=where)
-    for number, table in config.get("tables", {}).items():
-        for sample in table["samples"]:
-            if sample not in study.surveyed:
-                raise ConfigError(
-                    f"tables.{number}: no sample {sample!r}",
-                    where=where,
-                    allowed=", ".join(study.surveyed),
-                )
+    for key in ("tables", "figures"):
+        for number, entry in config.get(key, {}).items():
+            for sample in entry.get("samples", ()):
+                if sample not in study.surveyed:
+                    raise ConfigError(
+                        f"{key}.{number}: no sample {sample!r}",
+                        where=where,
+                        allowed=", ".join(study.surveyed),
+                    )
+    _check_maps(study, where)
     if "methods" in config:
         _check_methods(study, config["methods"], where)
+
+
+def _check_maps(study: Study, where: str) -> None:
+    """Check the parameter set of a map, and that there is one map at most."""
+    figures: Mapping[str, Mapping[str, Any]] = study.config.get("figures", {})
+    maps = {number: figure for number, figure in figures.items() if figure["kind"] == "map"}
+    for number, figure in maps.items():
+        key = f"figures.{number}"
+        sets = study.parameter_sets.get(figure["scanner"], {})
+        if figure["set"] not in sets:
+            raise ConfigError(
+                f"{key}: no parameter set {figure['set']!r} of {figure['scanner']!r}",
+                where=where,
+                allowed=", ".join(sets),
+            )
+        if len(maps) > 1 or "simulation" not in study.config:
+            raise ConfigError(
+                f"{key}: one map of the simulated world's building is drawn, no other",
+                where=where,
+            )
 
 
 def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:

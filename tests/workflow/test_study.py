@@ -73,6 +73,7 @@ def test_results_are_there(finished):
         "report.html",
         "tables/table_2.tex",
         "tables/table_5.md",
+        "figures/figure_11.png",
         "figures/figure_13.svg",
         "figures/figure_24.png",
         "figures/figure_18.csv",

@@ -18,6 +18,7 @@ import yaml
 from velocal.errors import ConfigError
 from velocal.outdoor_sheet import OutdoorSample, check_outdoor
 from velocal.sensors import SCANNERS
+from velocal.streams import name_streams, stream_path
 
 #: Windows of a surveyed sample, and the only one of a field sample.
 WINDOWS = ("beginning", "middle", "end")
@@ -36,7 +37,7 @@ class Sample:
     recording : str
         Path of the capture.
     calibration : str
-        Path of the factory's calibration file, or "nominal".
+        Path of the factory's calibration file ("stream": that read from a recording), or "nominal".
     port : int or None
         UDP port to which the scanner sent; any if None.
     address : str or None
@@ -230,6 +231,7 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     if "samples" in config:
         sheet = Path(config["samples"])
         rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         surveyed = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], row["position"], row["recording"],
@@ -241,6 +243,7 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
         sheet = Path(config["field"]["samples"])
         folder = Path(config["field"]["recordings"])
         rows = read_sheet(sheet, read_yaml(schemas / "field_samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         field = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], None,
@@ -393,10 +396,11 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
     named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
     if not named:
         named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
+    given = {"nominal", *(stream_path(study.config["results"], name) for name in study.samples)}
     every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
     for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording
-        if sample.calibration != "nominal":
+        if sample.calibration not in given:
             named[f"calibration of sample {sample.name!r}"] = sample.calibration
     hint = "Paths are relative to the folder in which snakemake runs."
     if made_here:

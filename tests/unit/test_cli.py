@@ -5,14 +5,19 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from capture_helpers import as_bytes, record_list, spin, two_returns, write
 from closed_loop.chain import study_world
 from container_helpers import ethernet, ip_packet, pcap_of
 
-from velocal import schemas, storage
+from velocal import parameters, schemas, storage
+from velocal.calibration_files import formats
+from velocal.packets import view
 from velocal.sensors import SCANNERS
 from velocal.simulation import capture
+from velocal.simulation.status import encode_table, status_bytes, table_packets
+from velocal.status import TABLE_PACKETS
 
 
 def velocal(*arguments):
@@ -74,6 +79,50 @@ def test_wrong_calls(recording, tmp_path, arguments, message):
     assert done.returncode == 1
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def streaming(tmp_path_factory):
+    """Packets of an HDL-64E S2 that sends its calibration twice."""
+    number, factory = np.arange(2 * TABLE_PACKETS), parameters.nominal(SCANNERS["HDL-64E"])
+    payloads = spin(len(number), start=9, step=18, interval_us=288, paired=True)
+    stamps = view(payloads)["timestamp"].astype(np.int64)
+    table = table_packets(encode_table(factory))
+    view(payloads)["status"] = status_bytes(table, number, stamps, np.full(len(number), 46.0))
+    return write(tmp_path_factory.mktemp("stream"), record_list(payloads, 0))
+
+
+def test_inspect_tells_the_status(streaming):
+    told = " ".join(velocal("inspect", streaming).stdout.split())
+    for part in (
+        "temperature 46 deg C",
+        "firmware 4.07",
+        "GPS time 2014-06-12 09:00:05 (GPS: not connected, clock runs free)",
+        "calibration in stream complete, S2, 2 tables alike",
+    ):
+        assert part in told
+    facts = json.loads(velocal("inspect", "--json", streaming).stdout)
+    assert facts["calibration_in_stream"] is True
+    assert facts["status"]["unit"]["rpm"] == 600
+
+
+@pytest.mark.parametrize("suffix", ["xml", "yaml", "csv"])
+def test_calibration_from_recording(streaming, tmp_path, suffix):
+    out = tmp_path / f"factory.{suffix}"
+    done = velocal("calibration", "from-recording", streaming, "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "2 tables alike" in done.stdout
+    design, found = parameters.nominal(SCANNERS["HDL-64E"]), formats.read(out, 64)
+    np.testing.assert_allclose(found.v, design.v, atol=np.deg2rad(0.005) * (1 + 1e-9))
+    np.testing.assert_allclose(found.hoff, design.hoff, atol=1e-12)
+
+
+def test_no_calibration_in_the_recording(recording, tmp_path):
+    done = velocal("calibration", "from-recording", recording, "-o", tmp_path / "x.xml")
+    assert done.returncode == 1
+    assert "no usable calibration table" in done.stderr
+    assert "Hint:" in done.stderr
     assert not list(tmp_path.iterdir())
 
 

@@ -179,13 +179,15 @@ def test_progress_ends_with_the_file(tmp_path):
 
 def test_what_the_packets_say(tmp_path):
     payloads = spin(N, start=9 * 100, step=18, paired=True)
-    # The status types of an HDL-64E S2 take turns; 1 to 7 carry the calibration.
+    # The status types of an HDL-64E S2 take turns; 1 to 7 carry the calibration, cut short here.
     view(payloads)["status"][:, 0] = np.resize(np.frombuffer(b"HMSDNYGTV1234567", np.uint8), N)
     view(payloads)["status"][:, 1] = np.arange(N)
     found = inspect(recording(tmp_path, payloads))
     assert found.azimuth_multiple == 18
     assert found.block_counts == {"upper": 6 * N, "lower": 6 * N}
-    assert found.calibration_in_stream
+    assert found.status_types == "1234567DGHMNSTVY"
+    assert found.status.kind == "status"
+    assert not found.calibration_in_stream
     assert found.product is None
     other = inspect(recording(tmp_path, spin(N, status=(0x37, 0x22))))
     assert other.product == 0x22

@@ -119,6 +119,41 @@ def test_a_missing_recording_is_an_error_even_with_results(config, schemas, tmp_
         check_files(read_study(small, schemas, "config"), "results/simulation", "config")
 
 
+STREAMED = "a\tHDL-64E\tP1\tx.bin\tstream\nb\tHDL-64E\tP2\ty.bin\t{}\n"
+
+
+def streamed(config, tmp_path, rows):
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text(COLUMNS + rows)
+    small = changed(config, ("samples",), str(sheet))
+    small["parameter_sets"] = {"HDL-64E": {"set1": ["a", "b"]}}
+    del small["tables"], small["figures"], small["methods"]
+    return small
+
+
+def test_the_calibration_of_the_stream(config, schemas, tmp_path):
+    """The samples of a scanner share what the first of them holds; no rule's file is missed."""
+    small = streamed(config, tmp_path, STREAMED.format("stream"))
+    study = read_study(small, schemas, "config")
+    expected = "results/recordings/a/calibration.xml"
+    assert [sample.calibration for sample in study.surveyed.values()] == [expected] * 2
+    assert study.factories == {"HDL-64E": expected}
+    with pytest.raises(ConfigError, match=r"recording of sample 'a': no file"):
+        check_files(study, "results/simulation", "config")
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (STREAMED.format("nominal"), "name different calibration files"),
+        (STREAMED.format("stream").replace("64E", "32E"), "HDL-32E sends no calibration.*'stream'"),
+    ],
+)
+def test_faults_of_the_calibration_of_the_stream(config, schemas, tmp_path, rows, message):
+    with pytest.raises(ConfigError, match=message):
+        read_study(streamed(config, tmp_path, rows), schemas, "config")
+
+
 def test_two_scanners_at_one_position(config, schemas, tmp_path):
     sheet = tmp_path / "samples.tsv"
     sheet.write_text(

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from velocal.cli import stream
 from velocal.cli.common import (
     Address,
     Port,
@@ -73,7 +74,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
         "returns": facts["returns"],
         "gaps": f"{inspection.gaps}, about {inspection.packets_missing} packets missing",
         "product byte": facts["product"] or "none",
-        "calibration in stream": "yes" if inspection.calibration_in_stream else "no",
+        **stream.rows(inspection.status),
     }
     for key, value in rows.items():
         top.add_row(f"[bold]{key}[/]", value)

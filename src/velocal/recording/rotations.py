@@ -28,6 +28,7 @@ from velocal.recording.chunk import Chunk, joined
 from velocal.recording.ledger import Ledger
 from velocal.recording.reading import ANY, Choice, Progress, open_recording
 from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, BANK_FLAGS
+from velocal.status import TRAILING, StatusReader, StatusStream
 
 #: Packets farther apart than this many usual intervals have a gap between them.
 GAP_INTERVALS = 1.5
@@ -112,6 +113,8 @@ class Inspection:
         Last payload byte, where it never changes.
     status_types : str
         Status types seen in the last but one byte, where these are printable (HDL-64E S2/S3).
+    status : StatusStream
+        What the trailing bytes say: temperature, firmware, time, the factory's table.
     """
 
     index: RotationIndex
@@ -127,11 +130,12 @@ class Inspection:
     mode: str = ""
     product: int | None = None
     status_types: str = ""
+    status: StatusStream = field(default_factory=StatusStream)
 
     @property
     def calibration_in_stream(self) -> bool:
-        """Whether status bytes of type 1-7 (HDL-64E S2/S3 calibration table) occur."""
-        return set("1234567") <= set(self.status_types)
+        """Whether the factory's calibration can be taken from the status bytes."""
+        return self.status.parameters is not None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain mapping for JSON and for people: counts, rates and the ledger."""
@@ -151,6 +155,7 @@ class Inspection:
             "product": None if self.product is None else f"0x{self.product:02X}",
             "status_types": self.status_types,
             "calibration_in_stream": self.calibration_in_stream,
+            "status": self.status.as_dict(),
             "ledger": self.ledger.as_dict(),
         }
 
@@ -220,6 +225,7 @@ class _Scan:
         self.dual = 0
         self.products = np.zeros(256, dtype=np.int64)
         self.statuses = np.zeros(256, dtype=np.int64)
+        self.status = StatusReader()
 
     def take(self, chunk: Chunk) -> None:
         packets = view(chunk.payloads)
@@ -243,6 +249,7 @@ class _Scan:
         self.dual += int(two_returns(flags, azimuth).sum())
         self.blocks += [np.count_nonzero(flags == flag) for flag in BANK_FLAGS]
         self.products += np.bincount(packets["status"][:, 1], minlength=256)
+        self.status.take(chunk.payloads[:, -TRAILING.itemsize :])
         self.statuses += np.bincount(packets["status"][:, 0], minlength=256)
         self.last_azimuth = int(flat[-1])
         self.last_time = float(times[-1])
@@ -338,4 +345,5 @@ class _Scan:
             mode=mode,
             product=int(product[0]) if len(product) == 1 else None,
             status_types="".join(statuses) if hdl64e and self._clocked else "",
+            status=self.status.result(),
         )

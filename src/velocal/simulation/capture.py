@@ -18,15 +18,15 @@ from velocal.sensors import (
     Scanner,
 )
 from velocal.simulation.scene import Scene, cast, field_scene
-from velocal.simulation.truth import drift, unit_truth
+from velocal.simulation.status import encode_table, status_bytes, table_packets
+from velocal.simulation.truth import drift, factory_parameters, unit_truth
 from velocal.simulation.world import ScannerWorld, World
+from velocal.status import TABLE_PACKETS
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000
-#: Status of an HDL-64E S2: hours, minutes, seconds, day, month, year, GPS, temperature, firmware.
-_STATUS = [
-    (ord(c), v) for c, v in zip("HMSDNYGTV", (9, 30, 0, 12, 6, 14, 0, 46, 0x28), strict=True)
-]
+#: Of a scanner that has run for long without the halogen light.
+STEADY_DEG_C = 46.0
 
 
 def _network_header() -> bytes:
@@ -141,6 +141,7 @@ def records(
     first_angle = rng.uniform(0.0, 360.0)
     first_stamp = int(rng.integers(0, _HOUR_US))
     header = np.frombuffer(_network_header(), dtype=np.uint8)
+    trailing = _trailing(world, scanner, sample)
     within_packet = np.arange(firings_per_packet) * (packet_interval / firings_per_packet)
 
     def fired(number: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -169,9 +170,28 @@ def records(
             0, 12, size=distance.shape, dtype=np.uint8
         )
         intensity[distance == 0] = 0
-        yield _packed(scanner, number, time, azimuth, distance, intensity, first_stamp, header)
+        stamp = first_stamp + np.rint(time * 1e6).astype(np.int64)
+        status = trailing(number, time / (packets * packet_interval), stamp)
+        stamp %= _HOUR_US
+        yield _packed(scanner, azimuth, distance, intensity, stamp, status, header)
         if progress is not None:
             progress(int(number[-1]) + 1, packets)
+
+
+def _trailing(
+    world: World, scanner: Scanner, sample: str
+) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
+    """What gives the last two bytes of packets, by number, share of the recording and time (us)."""
+    if not scanner.paired:
+        mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
+        return lambda number, share, time_us: np.tile(mode, (len(number), 1))
+    rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)
+    packets = table_packets(encode_table(factory_parameters(world, scanner.name), rpm=rpm))
+    # The recording begins anywhere in the table.
+    first = int(world.rng("status", scanner.name, sample).integers(TABLE_PACKETS))
+    return lambda number, share, time_us: status_bytes(
+        packets, first + number, time_us, STEADY_DEG_C + world.warmth.temperature_k(sample, share)
+    )
 
 
 def _ticks(angle_deg: NDArray[np.float64], step: int = 1) -> NDArray[np.int64]:
@@ -218,24 +238,18 @@ def _measure(
 
 def _packed(
     scanner: Scanner,
-    number: NDArray[np.int64],
-    time: NDArray[np.float64],
     azimuth: NDArray[np.int64],
     distance: NDArray[np.uint16],
     intensity: NDArray[np.uint8],
-    first_stamp: int,
+    stamp: NDArray[np.int64],
+    status: NDArray[np.uint8],
     header: NDArray[np.uint8],
 ) -> bytes:
     """Arrange firings in blocks and packets; upper and lower blocks of a firing in turn."""
-    n = len(number)
+    n = len(stamp)
     per_block = len(scanner.flags)
     block_azimuth = np.repeat(azimuth, per_block).reshape(n, BLOCKS)
     flag = np.tile(np.array(scanner.flags, dtype=np.uint16), BLOCKS // per_block)
-    stamp = (first_stamp + np.rint(time * 1e6).astype(np.int64)) % _HOUR_US
-    if scanner.paired:
-        status = np.array(_STATUS, dtype=np.uint8)[number % len(_STATUS)]
-    else:
-        status = np.tile(np.array([0x37, scanner.factory_byte], dtype=np.uint8), (n, 1))
     payload = encode(
         np.tile(flag, (n, 1)),
         block_azimuth.astype(np.uint16),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from velocal import schemas, storage
 from velocal.packets import BLOCKS, decode
-from velocal.recording.rotations import RotationIndex
+from velocal.recording.identify import check_scanner
+from velocal.recording.rotations import Inspection, RotationIndex, inspect
 from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
 
@@ -80,3 +82,31 @@ def write_returns(
             if progress is not None:
                 progress(packets)
     return rows
+
+
+def read_short(
+    recording: Path, scanner: Scanner
+) -> tuple[Inspection, list[str], dict[str, NDArray[Any]]]:
+    """Scan and decode a short recording at once; empty shots are left out.
+
+    Returns
+    -------
+    inspection : Inspection
+    remarks : list of str
+        Of `check_scanner`.
+    columns : dict of str to ndarray
+        Columns of `schemas.RETURNS`, all rotations, the cut ones as well.
+
+    Raises
+    ------
+    RecordingError
+        If there is no sound packet, or the recording comes from another scanner.
+    """
+    found = inspect(recording)
+    remarks = check_scanner(found, scanner, str(recording))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "returns.parquet"
+        write_returns(recording, found.index, np.arange(len(found.index)), scanner, path)
+        columns, _ = storage.read_table(path, schemas.RETURNS)
+    seen = columns["distance"] > 0
+    return found, remarks, {name: column[seen] for name, column in columns.items()}

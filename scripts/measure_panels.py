@@ -10,11 +10,7 @@ from velocal import outdoor, storage
 from velocal.calibration_files import formats
 from velocal.errors import reported
 from velocal.field import Cloud
-from velocal.recording.identify import check_scanner
-from velocal.recording.rotations import inspect
-from velocal.recording.windows import window_rotations
-from velocal.returns import read_returns
-from velocal.scans import first_rotations
+from velocal.returns import read_short
 from velocal.sensors import scanner_named
 
 
@@ -31,23 +27,18 @@ def main(
 ) -> None:
     """Write the ledger as JSON and the standard deviations of s as CSV."""
     known = scanner_named(sample["scanner"])
-    found = inspect(recording)
-    said = {"scanner": known.name, "remarks": check_scanner(found, known, str(recording))}
-    rotations = window_rotations(found.index, "all", None, str(recording))
+    found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
-    columns = read_returns(recording, found.index, rotations, known)
-    shots = first_rotations(columns, len(rotations))
-    cloud = Cloud.of_medians(shots, known, found.index.rate_hz(rotations), factory)
-    others = {path.stem: formats.read(path, known.n_lasers) for path in sets}
+    cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
+    candidates = {outdoor.BEFORE: factory}
+    candidates |= {path.stem: formats.read(path, known.n_lasers) for path in sets}
     place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
     planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
     heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
-    rows = [
-        heading | row
-        for row in outdoor.panel_rows(cloud, planes, {outdoor.BEFORE: factory} | others)
-    ]
+    rows = [heading | row for row in outdoor.panel_rows(cloud, planes, candidates)]
     storage.write_csv(panels, pd.DataFrame(rows))
-    storage.write_json(ledger, {"file": recording.name, **said, **found.as_dict()})
+    facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}
+    storage.write_json(ledger, facts)
 
 
 if "snakemake" in globals():

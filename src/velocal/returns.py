@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from velocal import schemas, storage
 from velocal.packets import decode
+from velocal.recording.identify import check_scanner
 from velocal.recording.reading import ANY, Choice
-from velocal.recording.rotations import RotationIndex
+from velocal.recording.rotations import Inspection, RotationIndex, inspect
 from velocal.recording.windows import read_rotations
 from velocal.sensors import Scanner
 
@@ -122,12 +123,30 @@ def returns_of(
             progress(packets)
 
 
-def read_returns(
-    recording: Path, index: RotationIndex, rotations: NDArray[np.int64], scanner: Scanner
-) -> dict[str, NDArray[Any]]:
-    """Decode rotations of a short recording into memory: columns of `schemas.RETURNS`."""
-    parts = list(returns_of(recording, index, rotations, scanner))
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+def read_short(
+    recording: Path, scanner: Scanner
+) -> tuple[Inspection, list[str], dict[str, NDArray[Any]]]:
+    """Scan and decode a short recording at once; empty shots are left out.
+
+    Returns
+    -------
+    inspection : Inspection
+    remarks : list of str
+        Of `check_scanner`.
+    columns : dict of str to ndarray
+        Columns of `schemas.RETURNS`, of all rotations.
+
+    Raises
+    ------
+    RecordingError, ConfigError
+        As `inspect` and `check_scanner`.
+    """
+    found = inspect(recording)
+    remarks = check_scanner(found, scanner, str(recording))
+    parts = list(returns_of(recording, found.index, np.arange(len(found.index)), scanner))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    seen = columns["distance"] > 0
+    return found, remarks, {name: column[seen] for name, column in columns.items()}
 
 
 _Part = tuple[NDArray[np.uint8], NDArray[np.int64]]

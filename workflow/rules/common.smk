@@ -21,11 +21,8 @@ try:
     RESULTS = config["results"].rstrip("/")
     WORLD = config.get("simulation", {}).get("world")
     if WORLD:
-        check(
-            read_yaml(Path(WORLD)),
-            read_yaml(WORKFLOW / "schemas/world.schema.yaml"),
-            WORLD,
-        )
+        world_schema = read_yaml(WORKFLOW / "schemas/world.schema.yaml")
+        check(read_yaml(Path(WORLD)), world_schema, WORLD)
     check_files(STUDY, f"{RESULTS}/simulation" if WORLD else None, CONFIG_NAME)
 except VelocalError as error:
     raise WorkflowError(str(error)) from None

@@ -1,0 +1,189 @@
+"""Panels outdoors: planes through fog and people, before and after, and what goes wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from closed_loop.chain import study_world
+
+from velocal import outdoor, outdoor_figure
+from velocal.errors import ConfigError, SurveyError, VelocalError
+from velocal.field import Cloud
+from velocal.figures import save
+from velocal.returns import read_short
+from velocal.sensors import SCANNERS
+from velocal.simulation import capture, truth
+from velocal.simulation.outdoor import Person, outdoor_scene
+
+SCANNER = "HDL-32E"
+BOXES = {
+    "left": {"across_m": [-1.8, -0.2], "up_m": [-1.3, 1.4]},
+    "right": {"across_m": [0.2, 1.8], "up_m": [-1.3, 1.4]},
+}
+FIT = {"depth_m": 0.6, "min_points": 100, "min_lasers": 3, "incidence_deg": 70}
+ROTATIONS = 3
+
+
+def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
+    """Cloud of a recording that went through its bytes, with the factory's parameters."""
+    around = outdoor_scene(world, scanner, scene, ROTATIONS / 10.0)
+    path = folder / "recording.bin"
+    path.write_bytes(b"".join(capture.records(world, scanner, around, "x", ROTATIONS)))
+    found, _, returns = read_short(path, SCANNERS[scanner])
+    factory = truth.factory_parameters(world, scanner)
+    return Cloud.of_medians(returns, SCANNERS[scanner], found.index.rate_hz(), factory)
+
+
+def fitted(cloud, distance_m=10.0, **fit):
+    panels = outdoor.Panels.from_config(distance_m, 8.0, BOXES, FIT | fit)
+    return outdoor.fit_panels(cloud, panels, outdoor.search(FIT | fit), "sample 'x'")
+
+
+def with_kind(world, **changes):
+    """The world with another fog, or other people, in its real scenes."""
+    kinds = {**world.outdoor["kinds"], "real": world.outdoor["kinds"]["real"] | changes}
+    return replace(world, outdoor={**world.outdoor, "kinds": kinds})
+
+
+CLEAR = {
+    "fog": {"lost_per_m": 0.0, "early_per_m": 0.0, "noise": 0.0},
+    "people": {"count": 0, "radius_m": 0.25, "height_m": 1.75, "speed_m_s": 1.3},
+}
+
+
+def test_true_parameters_see_flat_panels_through_fog_and_people(tmp_path):
+    world = study_world().without_errors()
+    thick = {
+        "fog": {"lost_per_m": 0.02, "early_per_m": 0.02, "noise": 0.0},
+        "people": {"count": 6, "radius_m": 0.25, "height_m": 1.75, "speed_m_s": 3.0},
+    }
+    true = truth.unit_truth(world, SCANNER).parameters
+    points = {}
+    for name, changes in (("clear", CLEAR), ("thick", thick)):
+        cloud = seen(with_kind(world, **changes), tmp_path)
+        planes = fitted(cloud)
+        before = outdoor.BEFORE
+        rows = outdoor.panel_rows(cloud, planes, {before: cloud.parameters, "true": true})
+        points[name] = sum(row["points"] for row in rows)
+        for row in rows:
+            # Ticks, and a relief of 1 mm on average, are all that is left with the truth.
+            low, high = (0.02, 0.25) if row["calibration"] == "true" else (0.5, 4.0)
+            assert low < row["std_cm"] < high, (name, row)
+            assert row["lasers"] >= 8
+            assert row["distance_m"] == pytest.approx(10.1, abs=0.3)
+    assert 0.1 < points["thick"] / points["clear"] < 0.8
+
+
+def test_returns_of_fog_and_people_are_there_and_left_out(tmp_path):
+    world = study_world().without_errors()
+    clear, thick = (
+        seen(with_kind(world, **changes), tmp_path)
+        for changes in (CLEAR, CLEAR | {"fog": CLEAR["fog"] | {"early_per_m": 0.02}})
+    )
+    near = [int(np.sum(np.linalg.norm(cloud.xyz, axis=1) < 2.0)) for cloud in (clear, thick)]
+    assert near[1] > near[0] + 100
+    rms = [np.std(plane.s) for cloud in (clear, thick) for plane in fitted(cloud)]
+    assert rms[2:] == pytest.approx(rms[:2], rel=0.05)
+
+
+def test_the_near_far_constant_is_what_limits_the_gain(tmp_path):
+    """A set that is right at 3 m is right at 25 m only where errors do not depend on range."""
+    flat = with_kind(study_world().without_errors(), **CLEAR)
+    unit = flat.scanner("HDL-64E")
+    ratios = {}
+    for scale in (0.0, 0.11):
+        errors = replace(unit.errors, range_scale_cm_per_m=scale)
+        scanners = {**flat.scanners, "HDL-64E": replace(unit, errors=errors)}
+        world = replace(flat, scanners=scanners)
+        true = truth.unit_truth(world, "HDL-64E")
+        near = true.parameters.corrected({"dl": -3.0 * true.range_scale})
+        cloud = seen(world, tmp_path, "real5", "HDL-64E")
+        candidates = {outdoor.BEFORE: cloud.parameters, "near": near}
+        rows = outdoor.panel_rows(cloud, fitted(cloud, 25.0), candidates)
+        std = {row["calibration"]: row["std_cm"] for row in rows if row["panel"] == "left"}
+        ratios[scale] = std["near"] / std[outdoor.BEFORE]
+    assert ratios[0.0] < 0.2
+    assert ratios[0.11] > 0.7
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "fit", "message"),
+    [(17.0, {}, "0 points of 0 lasers"), (10.0, {"min_lasers": 30}, "30 lasers, or more")],
+)
+def test_no_panel_where_it_is_said_to_be(tmp_path, distance_m, fit, message):
+    cloud = seen(with_kind(study_world(), **CLEAR), tmp_path)
+    with pytest.raises(SurveyError) as error:
+        fitted(cloud, distance_m, **fit)
+    assert message in str(error.value)
+    assert f"panel 'left' at {distance_m:g} m, 8 deg" in str(error.value)
+    assert "Hint: Look at the sample's distance_m" in str(error.value)
+
+
+def test_a_scene_that_is_not_there():
+    with pytest.raises(ConfigError, match="no scene 'real99'") as error:
+        outdoor_scene(study_world(), SCANNER, "real99", 1.0)
+    assert "ideal1" in str(error.value)
+    with pytest.raises(ConfigError, match="the world has no `outdoor`"):
+        outdoor_scene(replace(study_world(), outdoor=None), SCANNER, "real1", 1.0)
+
+
+def test_a_person_is_met_in_front():
+    person = Person(np.array([0.0, 5.0]), np.array([1.0, 0.0]), 0.25, -1.5, 0.25)
+    time, azimuth = np.zeros(3), np.array([0.0, np.pi, 0.2])
+    np.testing.assert_allclose(person.range(time, azimuth), [4.75, np.inf, np.inf])
+    # A second later the person has walked a metre to the right.
+    later = person.range(np.ones(1), np.array([np.arctan2(1.0, 5.0)]))
+    np.testing.assert_allclose(later, [np.hypot(1.0, 5.0) - 0.25])
+
+
+def rows_of(sample, kind="ideal", scanner="HDL-64E", **std):
+    heading = {"kind": kind, "scanner": scanner, "sample": sample}
+    return [
+        heading
+        | {"panel": panel, "calibration": name, "distance_m": 10.0, "incidence_deg": 5.0,
+           "points": 500, "trimmed": 3, "lasers": lasers, "std_cm": value + more,
+           "pooled_rms_cm": value}
+        for panel, lasers, more in (("left", 9, -0.1), ("right", 8, 0.1))
+        for name, value in std.items()
+    ]  # fmt: skip
+
+
+def test_summary_means_and_the_best_set():
+    rows = rows_of("a", before=3.0, set1=2.0, set2=1.0) + rows_of("b", before=2.0, set1=1.0, set2=3)
+    rows += rows_of("c", "real", "HDL-32E", before=1.3, set1=1.1)
+    samples, means = outdoor.summarise(rows)
+    assert [row["sample"] for row in samples] == ["a", "b", "c"]
+    assert samples[0]["points"] == 1000
+    assert samples[0]["lasers"] == 8
+    assert [row["parameters"] for row in means] == ["set1", "set1"]
+    facts = {row["item"]: row["value"] for row in outdoor.facts(means)}
+    assert facts == pytest.approx(
+        {
+            "outdoor_ideal_before_64": 2.5,
+            "outdoor_ideal_after_64": 1.5,
+            "outdoor_real_before_32": 1.3,
+            "outdoor_real_after_32": 1.1,
+        }
+    )
+    with pytest.raises(VelocalError, match="different parameter sets"):
+        outdoor.summarise(rows + rows_of("d", before=2.0, set1=1.0))
+    with pytest.raises(VelocalError, match="no parameter set"):
+        outdoor.summarise(rows_of("d", before=2.0))
+
+
+def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
+    rows = rows_of("a", before=3.0, set1=2.0) + rows_of("c", "real", "HDL-32E", before=5.0, set1=1)
+    samples = pd.DataFrame(outdoor.summarise(rows)[0])
+    top = outdoor_figure.top_cm(samples, 2.0)
+    assert top == pytest.approx(5.4)
+    written = []
+    for name in ("one", "two"):
+        numbers = outdoor_figure.numbers(samples, "ideal", "HDL-64E")
+        figure = outdoor_figure.draw(
+            numbers, "ideal", "HDL-64E", top_cm=top, sigma_cm=2.0, simulated=True
+        )
+        assert figure.axes[0].get_ylim()[1] == pytest.approx(5.4)
+        save(figure, tmp_path / f"{name}.svg", tmp_path / f"{name}.png")
+        written.append((tmp_path / f"{name}.svg").read_bytes())
+    assert written[0] == written[1]

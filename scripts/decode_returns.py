@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from velocal.errors import reported
+from velocal.recording.reading import Choice
 from velocal.recording.windows import read_index, window_rotations
 from velocal.returns import write_returns
 from velocal.sensors import scanner_named
@@ -16,11 +17,14 @@ def main(
     scanner: str,
     window: str,
     length: int | None,
+    choice: Choice,
+    which: str,
 ) -> None:
     """Write the returns of the window's rotations as Parquet."""
     index = read_index(rotations)
     chosen = window_rotations(index, window, length, str(recording))
-    write_returns(recording, index, chosen, scanner_named(scanner), returns)
+    known = scanner_named(scanner)
+    write_returns(recording, index, chosen, known, returns, returns=which, choice=choice)
 
 
 if "snakemake" in globals():
@@ -32,4 +36,6 @@ if "snakemake" in globals():
             scanner=snakemake.params.scanner,
             window=snakemake.wildcards.window,
             length=snakemake.params.length,
+            choice=Choice(snakemake.params.port, snakemake.params.address),
+            which=snakemake.params.which,
         )

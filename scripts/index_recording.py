@@ -5,14 +5,15 @@ from pathlib import Path
 from velocal import storage
 from velocal.errors import reported
 from velocal.recording.identify import check_scanner
+from velocal.recording.reading import Choice
 from velocal.recording.rotations import inspect
 from velocal.recording.windows import write_index
 from velocal.sensors import scanner_named
 
 
-def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str) -> None:
+def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str, choice: Choice) -> None:
     """Write the ledger as JSON and the index as Parquet."""
-    inspection = inspect(recording)
+    inspection = inspect(recording, choice=choice)
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
@@ -26,4 +27,5 @@ if "snakemake" in globals():
             Path(snakemake.output.ledger),
             Path(snakemake.output.rotations),
             scanner=snakemake.params.scanner,
+            choice=Choice(snakemake.params.port, snakemake.params.address),
         )

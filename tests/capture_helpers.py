@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from velocal import packets
-from velocal.recording import framing
 from velocal.recording.ledger import Ledger
+from velocal.recording.reading import ANY, Choice, open_recording
 
 PAYLOAD = 1206
 UPPER, LOWER = 0xEEFF, 0xDDFF
@@ -23,6 +23,7 @@ def spin(
     stamp_us: int = 5_000_000,
     interval_us: int = 553,
     paired: bool = False,
+    banks: int = 1,
     status: tuple[int, int] = (0x37, 0x21),
     seed: int = 0,
 ) -> np.ndarray:
@@ -30,9 +31,9 @@ def spin(
     rng = np.random.default_rng(seed)
     firing = np.arange(12 * n).reshape(n, 12)
     flag = np.full((n, 12), UPPER)
-    if paired:
-        flag[:, 1::2] = LOWER
-        firing = firing // 2
+    banks = 2 if paired else banks
+    flag += np.array([0, LOWER - UPPER, 0xCCFF - UPPER, 0xBBFF - UPPER])[np.arange(12) % banks]
+    firing = firing // banks
     return packets.encode(
         flag.astype(np.uint16),
         ((start + step * firing) % 36_000).astype(np.uint16),
@@ -41,6 +42,33 @@ def spin(
         ((stamp_us + interval_us * np.arange(n)) % 3_600_000_000).astype(np.uint32),
         np.tile(np.array(status, dtype=np.uint8), (n, 1)),
     )
+
+
+def two_returns(payloads: np.ndarray, start: int = 17_000, step: int = 150) -> np.ndarray:
+    """Packets that hold half as many shots, each twice; a quarter of the returns differ."""
+    changed = payloads.copy()
+    blocks = packets.view(changed)["blocks"]
+    banks = len(set(blocks["flag"][0]))
+    # Which of the former blocks each block now is.
+    order = {
+        1: [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5],
+        2: [0, 1, 0, 1, 2, 3, 2, 3, 4, 5, 4, 5],
+        4: [0, 0, 1, 1, 2, 2, 3, 3],  # and four blocks of nothing
+    }[banks]
+    used = len(order)
+    blocks[:, :used] = blocks[:, order]
+    blocks[:, used:] = 0
+    firings = len(set(order)) // banks
+    number = firings * np.arange(len(changed))[:, None] + np.array(order) // banks
+    blocks["azimuth"][:, :used] = (start + step * number) % 36_000
+    rng = np.random.default_rng(1)
+    second = [k for k in range(used) if order.index(order[k]) != k]
+    channels = blocks["channels"][:, second]
+    apart = rng.random(channels.shape) < 0.25
+    channels["distance"][apart] = rng.integers(0, 60_000, int(apart.sum()))
+    channels["intensity"][apart] = rng.integers(0, 256, int(apart.sum()))
+    blocks["channels"][:, second] = channels
+    return changed
 
 
 def as_bytes(payloads: np.ndarray) -> list[bytes]:
@@ -107,13 +135,12 @@ def write(folder: Path, content: bytes | Iterable[bytes], name: str = "recording
     return path
 
 
-def scan(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, Ledger]:
+def scan(
+    path: Path, choice: Choice = ANY
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, Ledger]:
     """Every sound payload of a file, where it begins, when it was caught, and the ledger."""
-    kind = framing.detect(path)
-    size = path.stat().st_size
-    ledger = Ledger(size, kind.name, framing_bytes=kind.first_packet)
-    with path.open("rb") as file:
-        chunks = list(kind.chunks(file, kind.first_packet, size, ledger))
+    ledger = Ledger(0)
+    chunks = list(open_recording(path, choice).packets(ledger))
     payloads = np.concatenate([np.empty((0, PAYLOAD), np.uint8)] + [c.payloads for c in chunks])
     offsets = np.concatenate([np.empty(0, np.int64)] + [c.offsets for c in chunks])
     times = [c.capture_time_s for c in chunks if c.capture_time_s is not None]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from velocal.errors import SurveyError
 from velocal.rigid import closed_form, rotation_from_vector
@@ -94,16 +97,42 @@ def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array
         projection = -projection
     left, _, right = np.linalg.svd(projection[:, :3])
     rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    start = np.concatenate([_placed(rotation, tangents, scaled), np.zeros(3)])
+    # With points near one plane the linear solution can be anything: then cameras are tried that
+    # look about, held upright, on the head or on their sides.
+    looks = Rotation.from_euler("yxz", list(product(*_LOOKS)), degrees=True).as_matrix() @ _LEVEL
+    for trial in (rotation, *looks):
+        place, found, residual = _refined(trial, tangents, scaled)
+        if residual < _ACCEPTED:
+            return centre + spread * place, found
+    raise SurveyError(
+        "cannot be placed: its control points do not fit",
+        where=where,
+        hint="Look for exchanged point names, and whether y runs downwards.",
+    )
+
+
+#: Headings, tilts and rolls of the trials, degrees, and a level camera that looks along Y.
+_LOOKS = (range(0, 360, 45), (0, 40, -40), (0, 90, 180, 270))
+_LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+#: Root mean square residual, as an angle, of a camera that is in its place: control points may be
+#: wrong by some centimetres.
+_ACCEPTED = 0.02
+
+
+def _refined(rotation: Array, tangents: Array, known: Array) -> tuple[Array, Array, float]:
+    """Place and rotation by least squares, and the root mean square of the angles left."""
+    rays = np.column_stack([tangents, np.ones(len(tangents))])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
 
     def residuals(unknowns: Array) -> Array:
-        turned = rotation_from_vector(unknowns[3:]) @ rotation
-        seen = (scaled - unknowns[:3]) @ turned.T
-        return np.asarray(tangents - seen[:, :2] / seen[:, 2:]).ravel()
+        # Unit vectors, not tangents: a point behind the camera is far off, not hidden.
+        seen = (known - unknowns[:3]) @ (rotation_from_vector(unknowns[3:]) @ rotation).T
+        return np.asarray(rays - seen / np.linalg.norm(seen, axis=1, keepdims=True)).ravel()
 
-    # With points near one plane the linear solution is a poor one.
-    best = least_squares(residuals, start, method="lm").x
-    return centre + spread * best[:3], rotation_from_vector(best[3:]) @ rotation
+    start = np.concatenate([_placed(rotation, tangents, known), np.zeros(3)])
+    best = least_squares(residuals, start, method="lm")
+    residual = float(np.sqrt(2.0 * best.cost / len(known)))
+    return best.x[:3], rotation_from_vector(best.x[3:]) @ rotation, residual
 
 
 def _placed(rotation: Array, tangents: Array, known: Array) -> Array:

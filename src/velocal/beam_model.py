@@ -59,9 +59,9 @@ def points(
     return np.asarray(length[:, None] * direction + origin)
 
 
-def distance_from_ticks(ticks: NDArray[np.generic]) -> Array:
-    """Metres of raw distances."""
-    return ticks.astype(np.float64) * DISTANCE_TICK_M
+def distance_from_ticks(ticks: NDArray[np.generic], tick_m: float = DISTANCE_TICK_M) -> Array:
+    """Metres of raw distances; `tick_m` is that of the scanner."""
+    return ticks.astype(np.float64) * tick_m
 
 
 def angle_from_ticks(

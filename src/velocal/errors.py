@@ -69,6 +69,10 @@ class CalibrationFileError(VelocalError):
     """A calibration file cannot be read or written."""
 
 
+class DialectError(VelocalError):
+    """A calibration cannot be converted to another point formula exactly."""
+
+
 class SurveyError(VelocalError):
     """Survey data are missing, doubled or geometrically insufficient."""
 

@@ -7,7 +7,7 @@ what is looked for, stay in. `field_search` finds planes where nobody says where
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,8 @@ class Cloud:
         Calibration.
     xyz, direction : ndarray, shape (n, 3)
         Points, metres, and unit directions of their beams, scanner frame.
+    tick_m : float
+        One tick of the raw distance, metres.
     """
 
     distance_m: Array
@@ -58,6 +60,7 @@ class Cloud:
     parameters: ParameterSet
     xyz: Array
     direction: Array
+    tick_m: float = DISTANCE_TICK_M
 
     @classmethod
     def of(
@@ -84,7 +87,9 @@ class Cloud:
         laser_id = medians["laser_id"]
         rate = 2.0 * np.pi * rotation_rate_hz
         phi = angle_from_ticks(medians["azimuth"], laser_id, scanner, rate)
-        return cls.of(distance_from_ticks(medians["distance"]), phi, laser_id, parameters)
+        distance_m = distance_from_ticks(medians["distance"], scanner.distance_tick_m)
+        cloud = cls.of(distance_m, phi, laser_id, parameters)
+        return replace(cloud, tick_m=scanner.distance_tick_m)
 
     def s(self, rows: Rows, plane: Plane) -> Array:
         """Residuals of rows along their beams, metres; equation (5)."""
@@ -230,7 +235,7 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPl
         own = _medians(size, laser, used)[laser]
         common = _medians(size, np.zeros_like(laser), used)[0]
         # Never finer than half a tick: noise-free medians would trim themselves away.
-        sigma = np.maximum(STD_PER_MAD * np.fmax(own, common), DISTANCE_TICK_M / 2)
+        sigma = np.maximum(STD_PER_MAD * np.fmax(own, common), cloud.tick_m / 2)
         changed = steep & np.isfinite(size) & (size <= TRIM_AT * sigma)
         if np.array_equal(changed, keep):
             break
@@ -288,7 +293,10 @@ def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, 
 
 
 def plane_row(
-    plane: FieldPlane, lasers: Mapping[str, NDArray[Any]], medians: Mapping[str, NDArray[Any]]
+    plane: FieldPlane,
+    lasers: Mapping[str, NDArray[Any]],
+    medians: Mapping[str, NDArray[Any]],
+    tick_m: float,
 ) -> dict[str, Any]:
     """Row of the table of planes, in metres, degrees and centimetres.
 
@@ -299,10 +307,12 @@ def plane_row(
         What `laser_columns` gave for it.
     medians : mapping of str to ndarray
         Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
+    tick_m : float
+        One raw tick.
     """
     summary = summary_row(lasers)
     often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]
-    spread = medians["spread"][often] * DISTANCE_TICK_M * 1e2
+    spread = medians["spread"][often] * tick_m * 1e2
     return {
         "plane": plane.name,
         "points": len(plane.rows),
@@ -360,7 +370,7 @@ def tabulate(
     """
     parts = [laser_columns(plane, cloud, sigma_m) for plane in planes]
     rows = [
-        plane_row(plane, part, medians) | geometry(plane.fit.plane)
+        plane_row(plane, part, medians, cloud.tick_m) | geometry(plane.fit.plane)
         for plane, part in zip(planes, parts, strict=True)
     ]
     names = ("plane", "laser_id", "count", *LASER_COLUMNS)

@@ -12,13 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from velocal.figures import GREY, style
+from velocal.figures import COLOURS, GREY, style
 from velocal.sensors import scanner_named
 
 Array = NDArray[np.float64]
 
-#: Okabe and Ito, without black and yellow, and a marker for every round of them.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+#: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
 
 #: Columns of the table of planes, and the decimals that its Markdown shows.

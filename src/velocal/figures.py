@@ -25,7 +25,9 @@ from velocal.errors import ConfigError, VelocalError
 from velocal.storage import atomic
 from velocal.validation import calibration_after
 
-BEFORE, AFTER, GREY = "#D55E00", "#0072B2", "#6B6B6B"
+BEFORE, AFTER, GREY, DARK = "#D55E00", "#0072B2", "#6B6B6B", "#303030"
+#: Okabe and Ito, without black and yellow.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 
 #: Column, its axis label, and the share of a normal distribution about zero with the datasheet's
 #: standard deviation (None: the standard deviation itself), by kind.
@@ -74,7 +76,7 @@ STYLE: Mapping[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "figure.constrained_layout.use": True,
-    "savefig.dpi": 200,
+    "savefig.dpi": 300,
     "svg.hashsalt": "velocal",
     "svg.fonttype": "path",
 }
@@ -202,8 +204,8 @@ def draw_per_laser(
         axes[-1].set_xticks([1, *range(step, n_lasers + 1, step)])
         axes[-1].xaxis.set_minor_locator(MultipleLocator(1))
         axes[-1].set_xlabel("laser" + _unseen(numbers))
-        _head(figure, axes[0], selection, TITLES[selection["kind"]] + " per laser")
-        _foot(figure, simulated)
+        title = _title(selection, TITLES[selection["kind"]] + " per laser")
+        finish(figure, axes[0], title, simulated)
     return figure
 
 
@@ -241,22 +243,23 @@ def _unseen(numbers: pd.DataFrame) -> str:
     return f" (no residuals: {', '.join(str(laser) for laser in empty['laser'])})"
 
 
-def _head(figure: Figure, ax: Axes, selection: Mapping[str, Any], title: str) -> None:
-    figure.suptitle(
-        f"{selection['scanner']}, {selection['data']} data "
-        f"({', '.join(map(str, selection['samples']))}): {title}",
-        x=0.01, ha="left", fontsize=9.0, fontweight="bold",
-    )  # fmt: skip
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=len(labels), borderpad=0.1)
-
-
-def _foot(figure: Figure, simulated: bool) -> None:
+def finish(figure: Figure, ax: Axes | None, title: str, simulated: bool, **legend: Any) -> None:
+    """Title above, legend of an axes below, and a note where the recordings are simulated."""
+    figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
+    if ax is not None:
+        handles, labels = ax.get_legend_handles_labels()
+        options = {"ncols": len(labels), "borderpad": 0.1, **legend}
+        figure.legend(handles, labels, loc="outside lower left", **options)
     if simulated:
         figure.text(
-            0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=6.5,
+            0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=7.0,
             color=GREY, fontstyle="italic",
         )  # fmt: skip
+
+
+def _title(selection: Mapping[str, Any], what: str) -> str:
+    samples = ", ".join(map(str, selection["samples"]))
+    return f"{selection['scanner']}, {selection['data']} data ({samples}): {what}"
 
 
 def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
@@ -343,13 +346,8 @@ def draw_histogram(
         axes[0].set_xlim(min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm))
         figure.supxlabel("residual s [cm]", fontsize=8.5)
         axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
-        figure.suptitle(
-            f"{selection['scanner']}, {selection['data']} data "
-            f"({', '.join(map(str, selection['samples']))}): residuals of laser "
-            f"{selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm",
-            x=0.01, ha="left", fontsize=9.0, fontweight="bold",
-        )  # fmt: skip
-        _foot(figure, simulated)
+        what = f"residuals of laser {selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm"
+        finish(figure, None, _title(selection, what), simulated)
     return figure
 
 

@@ -25,7 +25,7 @@ class Medians:
     azimuth : ndarray of float32, shape (n,)
         Mean raw azimuth of the firings in the cell, 0.01 degree.
     distance : ndarray of float32, shape (n,)
-        Median of the raw distances, ticks of 2 mm.
+        Median of the raw distances, ticks (`Scanner.distance_tick_m`).
     spread : ndarray of float32, shape (n,)
         Interquartile range over 1.349, ticks; the standard deviation of normal noise.
     count : ndarray of uint16, shape (n,)

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 PARAMETERS = ("dl", "alpha", "v", "voff", "hoff")
 #: Unit of each.
 UNITS = {"dl": "m", "alpha": "rad", "v": "rad", "voff": "m", "hoff": "m"}
+#: Carried values of the two-point distance correction: near-point corrections along X and Y, and
+#: the flag of ROS YAML that says whether they are used (1 or 0).
+NEAR_POINT = ("dist_correction_x", "dist_correction_y")
+TWO_POINT = "two_pt_correction_available"
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class ParameterSet:
         changed = {name: getattr(self, name) + value for name, value in corrections.items()}
         carried = dict(self.carried)
         if "dl" in corrections:
-            for near in ("dist_correction_x", "dist_correction_y"):
+            for near in NEAR_POINT:
                 if near in carried:
                     carried[near] = carried[near] + corrections["dl"]
         return replace(self, carried=carried, **changed)

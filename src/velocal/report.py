@@ -18,7 +18,7 @@ import pandas as pd
 
 from velocal import agreement_section, comparison, outdoor_figure, provenance, storage
 from velocal.calibration_files import formats
-from velocal.figures import TITLES
+from velocal.captions import caption
 from velocal.parameters import PARAMETERS, UNITS, ParameterSet
 from velocal.published import CONTRADICTIONS, READING, TOLERANCES, printed_rows
 from velocal.sensors import scanner_named
@@ -251,37 +251,6 @@ def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
     if float(text) == 0.0:
         text = text.lstrip("-")
     return text.replace("-", "−")
-
-
-def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
-    """What a figure shows, in one or two sentences.
-
-    Parameters
-    ----------
-    selection : mapping
-        Entry of the configuration.
-    numbers : DataFrame
-        Those of the figure, see `figures.per_laser` and `figures.histogram`.
-    """
-    samples = ", ".join(map(str, selection["samples"]))
-    of_what = f"{selection['scanner']}, {selection['data']} data, samples {samples}"
-    if selection["kind"] == "histogram":
-        return (
-            f"Residuals s of laser {selection['laser']} before and after calibration ({of_what}; "
-            "all windows together, same bins and axes)."
-        )
-    after = numbers.loc[numbers["calibration"] == "after", "parameters"].iloc[0]
-    with_what = (
-        "the parameters adjusted on each window itself"
-        if after == "adjusted"
-        else f"parameter set {after}, that of least mean standard deviation over these samples"
-    )
-    what = TITLES[str(selection["kind"])]
-    about = "Root mean square about zero" if selection["kind"] == "std" else "Of all residuals"
-    return (
-        f"{what[0].upper()}{what[1:]} per laser before and after calibration ({of_what}). "
-        f"{about}; windows count by their number of residuals. After: {with_what}."
-    )
 
 
 def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:

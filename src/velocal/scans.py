@@ -53,7 +53,7 @@ def assigned_scan(
     """
     laser = scan["laser_id"]
     phi = angle_from_ticks(scan["azimuth"], laser, scanner, 2.0 * np.pi * rotation_rate_hz)
-    distance = distance_from_ticks(scan["distance"])
+    distance = distance_from_ticks(scan["distance"], scanner.distance_tick_m)
     plane = assign(distance, phi, laser, parameters, patches, gates)
     hit = plane != NO_PLANE
     rows = {"laser_id": laser, "plane": plane, "phi_rad": phi, "distance_m": distance}

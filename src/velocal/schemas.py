@@ -5,7 +5,7 @@ from __future__ import annotations
 import pyarrow as pa
 
 #: Version of the file contracts; raised when a column changes its meaning.
-VERSION = "1"
+VERSION = "2"
 
 
 def _field(name: str, type_: pa.DataType, unit: str, description: str) -> pa.Field:
@@ -19,6 +19,8 @@ def _schema(kind: str, fields: list[pa.Field]) -> pa.Schema:
 
 
 _LASER = _field("laser_id", pa.uint8(), "1", "laser, 0-based, order of the wire")
+#: 2 mm, or 4 mm of a VLP-32C or VLS-128; metadata `distance_tick_m` of the table says which.
+_TICK = "distance_tick_m"
 
 RETURNS = _schema(
     "returns",
@@ -27,8 +29,9 @@ RETURNS = _schema(
         _field("timestamp", pa.uint32(), "us", "device clock of the packet, microseconds of hour"),
         _field("azimuth", pa.uint16(), "0.01 deg", "raw azimuth of the firing"),
         _LASER,
-        _field("distance", pa.uint16(), "2 mm", "raw distance; 0 where nothing came back"),
+        _field("distance", pa.uint16(), _TICK, "raw distance; 0 where nothing came back"),
         _field("intensity", pa.uint8(), "1", "raw intensity"),
+        _field("return", pa.uint8(), "1", "0 the only one of its shot, 1 strongest, 2 last of two"),
     ],
 )
 
@@ -48,8 +51,8 @@ MEDIANS = _schema(
     [
         _LASER,
         _field("azimuth", pa.float32(), "0.01 deg", "mean raw azimuth of the firings in the cell"),
-        _field("distance", pa.float32(), "2 mm", "median raw distance"),
-        _field("spread", pa.float32(), "2 mm", "interquartile range / 1.349 of the distance"),
+        _field("distance", pa.float32(), _TICK, "median raw distance"),
+        _field("spread", pa.float32(), _TICK, "interquartile range / 1.349 of the distance"),
         _field("count", pa.uint16(), "1", "returns in the cell"),
     ],
 )
@@ -74,5 +77,21 @@ RESIDUALS = _schema(
         _field("z_m", pa.float32(), "m", "point in the scanner frame, factory parameters"),
         _field("before_m", pa.float32(), "m", "s with the factory parameters"),
         _field("after_m", pa.float32(), "m", "s with the adjusted parameters"),
+    ],
+)
+
+MAP = _schema(
+    "map",
+    [
+        _field("position", pa.uint8(), "1", "position, index into metadata `positions`"),
+        _LASER,
+        *(
+            _field(f"{axis}_{state}_m", pa.float32(), "m", f"point in one frame, {what}")
+            for state, what in (
+                ("factory", "factory parameters"),
+                ("refined", "parameter set of metadata `set`"),
+            )
+            for axis in "xyz"
+        ),
     ],
 )

@@ -1,7 +1,8 @@
 """Frozen descriptions of the scanners: layout on the wire, timing, nominal geometry.
 
-Sources: HDL-64E S2 user's manual (Velodyne 63-HDL64ES2), HDL-32E user's manual (63-9113),
-VLP-16 user's manual (63-9243). Angles are in radians, times in seconds, distances in metres.
+Sources: HDL-64E S2 and S3 user's manuals (Velodyne 63-HDL64ES2, 63-HDL64ES3), HDL-32E user's manual
+(63-9113), VLP-16 with Hi-Res (63-9243), VLP-32C (63-9325), VLS-128 (63-9483); what each number is
+taken from is said where it stands. Angles are in radians, times in seconds, distances in metres.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
 
-#: One tick of the raw distance, metres (all scanners described here).
+#: One tick of the raw distance, metres, where a scanner does not say otherwise (VLP-32C, VLS-128).
 DISTANCE_TICK_M = 0.002
 #: One tick of the raw azimuth, degrees.
 AZIMUTH_TICK_DEG = 0.01
@@ -23,6 +24,8 @@ AZIMUTH_TICKS = 36000
 #: Block flags as little-endian 16-bit numbers: bytes FF EE and FF DD.
 FLAG_UPPER = 0xEEFF
 FLAG_LOWER = 0xDDFF
+#: Flag of every bank of 32 lasers, FF EE to FF BB; only a VLS-128 has four.
+BANK_FLAGS = (FLAG_UPPER, FLAG_LOWER, 0xCCFF, 0xBBFF)
 
 
 @dataclass(frozen=True)
@@ -41,8 +44,9 @@ class Scanner:
         1, or 2 where one block of 32 channels holds two firings of 16 lasers (VLP-16).
     firing_cycle_s : float
         Time between two firings of the same laser.
-    packet_rate_hz : float
-        Packets per second in single-return mode.
+    packet_rate_hz, dual_packet_rate_hz : float
+        Packets per second with one and with two returns per shot; the second is NaN where the
+        scanner has no such mode.
     firing_offset_s : ndarray, shape (n_lasers,)
         Time of a laser after the start of its firing, for azimuth interpolation; zero where
         the manufacturer's point formula gives all lasers of a block the same azimuth.
@@ -58,6 +62,13 @@ class Scanner:
         Largest range that the manufacturer states.
     factory_byte : int or None
         Product byte at the end of the payload, where the scanner sends one.
+    distance_tick_m : float
+        One tick of the raw distance.
+    other_factory_bytes : tuple of int
+        Product bytes that were seen as well.
+    firing_time_s : ndarray, shape (n_lasers,)
+        Time at which a laser fires after the first of its firing, whether or not the
+        manufacturer's formula makes use of it.
     """
 
     name: str
@@ -66,6 +77,7 @@ class Scanner:
     firings_per_block: int
     firing_cycle_s: float
     packet_rate_hz: float
+    dual_packet_rate_hz: float
     cell_ticks: int
     max_range_m: float
     factory_byte: int | None
@@ -74,6 +86,9 @@ class Scanner:
     rotational_rad: NDArray[np.float64] = field(repr=False, compare=False)
     horizontal_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
     vertical_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
+    firing_time_s: NDArray[np.float64] = field(repr=False, compare=False)
+    distance_tick_m: float = DISTANCE_TICK_M
+    other_factory_bytes: tuple[int, ...] = ()
 
     @property
     def lasers_per_firing(self) -> int:
@@ -84,6 +99,15 @@ class Scanner:
     def paired(self) -> bool:
         """True where the upper and lower lasers come in blocks of their own (HDL-64E)."""
         return len(self.flags) == 2
+
+    @property
+    def factory_bytes(self) -> tuple[int, ...]:
+        """Every product byte that the scanner may send; empty where it sends none."""
+        return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)
+
+    def azimuth_step_deg(self, rotation_rate_hz: float) -> float:
+        """Degrees that the head turns from one firing of a laser to its next."""
+        return 360.0 * rotation_rate_hz * self.firing_cycle_s
 
 
 # HDL-64E: rank from the top of its block of each of the 32 lasers of a block, in the order of
@@ -101,14 +125,22 @@ _HDL64E_LOWER_COLUMNS_DEG = np.array(
 )
 
 
-def _hdl64e(name: str, *, packet_rate_hz: float, firing_cycle_s: float) -> Scanner:
-    """Nominal HDL-64E: spacing 1/3 deg in the upper block (+2 down), 1/2 deg in the lower."""
+def _hdl64e(
+    name: str, *, packet_rate_hz: float, firing_cycle_s: float, dual: bool = True
+) -> Scanner:
+    """Nominal HDL-64E: spacing 1/3 deg in the upper block (+2 down), 1/2 deg in the lower.
+
+    Four lasers of a block fire at 0, 1.26, 2.46 and 3.66 us, the next four 6 us later (laser
+    firing time table of the S2 manual); both blocks fire at once. With two returns a firing takes
+    57.6 us and half as many fit into a packet (S3 manual). An S1 manual has no such table.
+    """
     rank = _HDL64E_RANK
     vertical = np.concatenate([2.0 - rank / 3.0, -8.83 - 0.5 * rank])
     rotational = np.concatenate(
         [_HDL64E_UPPER_COLUMNS_DEG[rank % 12], _HDL64E_LOWER_COLUMNS_DEG[rank % 12]]
     )
     side = np.where(np.arange(64) % 2 == 0, 1.0, -1.0)
+    lane = np.arange(64) % 32
     # The lasers of a block aim through one lens: their height follows their vertical angle.
     height = np.where(
         np.arange(64) < 32, 0.207 + 0.00125 * vertical, 0.115 + 0.00125 * (vertical + 17.0)
@@ -120,6 +152,7 @@ def _hdl64e(name: str, *, packet_rate_hz: float, firing_cycle_s: float) -> Scann
         firings_per_block=1,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=packet_rate_hz,
+        dual_packet_rate_hz=1.0 / (3 * 57.6e-6) if dual else np.nan,
         cell_ticks=9,
         max_range_m=120.0,
         factory_byte=None,
@@ -128,6 +161,52 @@ def _hdl64e(name: str, *, packet_rate_hz: float, firing_cycle_s: float) -> Scann
         rotational_rad=np.deg2rad(rotational),
         horizontal_offset_m=0.026 * side,
         vertical_offset_m=height,
+        firing_time_s=1e-6 * (6.0 * (lane // 4) + np.array([0.0, 1.26, 2.46, 3.66])[lane % 4])
+        if dual
+        else np.zeros(64),
+    )
+
+
+def _one_column(
+    name: str,
+    *,
+    vertical_deg: NDArray[np.floating],
+    firing_time_s: NDArray[np.floating],
+    firing_cycle_s: float,
+    firings_per_packet: int,
+    cell_ticks: int,
+    max_range_m: float,
+    factory_byte: int,
+    rotational_deg: NDArray[np.floating] | None = None,
+    dual_packet_rate_hz: float | None = None,
+    other_factory_bytes: tuple[int, ...] = (),
+    distance_tick_m: float = DISTANCE_TICK_M,
+) -> Scanner:
+    """Describe a scanner with its lasers on the axis, interpolated within a firing.
+
+    Two returns a shot double the packets, as half as many firings fit into one.
+    """
+    n = len(vertical_deg)
+    rate = 1.0 / (firings_per_packet * firing_cycle_s)
+    return Scanner(
+        name=name,
+        n_lasers=n,
+        flags=BANK_FLAGS[: -(-n // 32)],
+        firings_per_block=32 // n or 1,
+        dual_packet_rate_hz=dual_packet_rate_hz or 2.0 * rate,
+        other_factory_bytes=other_factory_bytes,
+        distance_tick_m=distance_tick_m,
+        firing_cycle_s=firing_cycle_s,
+        packet_rate_hz=rate,
+        cell_ticks=cell_ticks,
+        max_range_m=max_range_m,
+        factory_byte=factory_byte,
+        firing_offset_s=np.asarray(firing_time_s, dtype=np.float64),
+        firing_time_s=np.asarray(firing_time_s, dtype=np.float64),
+        vertical_rad=np.deg2rad(vertical_deg),
+        rotational_rad=np.zeros(n) if rotational_deg is None else np.deg2rad(rotational_deg),
+        horizontal_offset_m=np.zeros(n),
+        vertical_offset_m=np.zeros(n),
     )
 
 
@@ -135,54 +214,119 @@ def _hdl32e() -> Scanner:
     """HDL-32E: +10.67 to -30.67 deg in steps of 4/3 deg, fired low and middle in turn."""
     pair = np.repeat(np.arange(16), 2)
     lower = np.arange(32) % 2 == 0
-    vertical = np.where(lower, -92.0 / 3.0, -28.0 / 3.0) + pair * 4.0 / 3.0
-    return Scanner(
-        name="HDL-32E",
-        n_lasers=32,
-        flags=(FLAG_UPPER,),
-        firings_per_block=1,
+    return _one_column(
+        "HDL-32E",
+        vertical_deg=np.where(lower, -92.0 / 3.0, -28.0 / 3.0) + pair * 4.0 / 3.0,
+        firing_time_s=1.152e-6 * np.arange(32.0),
         firing_cycle_s=46.08e-6,
-        packet_rate_hz=1.0 / (12 * 46.08e-6),
+        firings_per_packet=12,
         cell_ticks=10,
         max_range_m=100.0,
         factory_byte=0x21,
-        firing_offset_s=1.152e-6 * np.arange(32.0),
-        vertical_rad=np.deg2rad(vertical),
-        rotational_rad=np.zeros(32),
-        horizontal_offset_m=np.zeros(32),
-        vertical_offset_m=np.zeros(32),
     )
 
 
-def _vlp16() -> Scanner:
-    """VLP-16: -15 to +15 deg in steps of 2 deg, two firings in a block of 32 channels."""
-    vertical = np.where(np.arange(16) % 2 == 0, -15.0, 0.0) + np.arange(16)
-    return Scanner(
-        name="VLP-16",
-        n_lasers=16,
-        flags=(FLAG_UPPER,),
-        firings_per_block=2,
+def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
+    """VLP-16: 16 lasers in even steps, two firings in a block of 32 channels.
+
+    The steps are 2 deg (-15 to +15 deg), and 4/3 deg (-10 to +10 deg) of a Hi-Res; the timing is
+    the same (VLP-16 manual, tables of vertical angles and of factory bytes).
+    """
+    rank = np.arange(16) // 2 + np.where(np.arange(16) % 2 == 0, 0, 8)
+    return _one_column(
+        name,
+        vertical_deg=step_deg * (rank - 7.5),
+        firing_time_s=2.304e-6 * np.arange(16.0),
         firing_cycle_s=55.296e-6,
-        packet_rate_hz=1.0 / (24 * 55.296e-6),
+        firings_per_packet=24,
         cell_ticks=20,
         max_range_m=100.0,
-        factory_byte=0x22,
-        firing_offset_s=2.304e-6 * np.arange(16.0),
-        vertical_rad=np.deg2rad(vertical),
-        rotational_rad=np.zeros(16),
-        horizontal_offset_m=np.zeros(16),
-        vertical_offset_m=np.zeros(16),
+        factory_byte=factory_byte,
     )
 
 
-#: Every scanner that can be named in a sheet. "HDL-64E" is the S2 of the study.
+# VLP-32C manual, table of vertical angles and azimuth offsets by laser (degrees). Its offsets add
+# to the azimuth, the rotational angle corrections of this project are subtracted from it.
+_VLP32C_VERTICAL_DEG = np.array(
+    [-25, -1, -1.667, -15.639, -11.31, 0, -0.667, -8.843, -7.254, 0.333, -0.333, -6.148, -5.333,
+     1.333, 0.667, -4, -4.667, 1.667, 1, -3.667, -3.333, 3.333, 2.333, -2.667, -3, 7, 4.667,
+     -2.333, -2, 15, 10.333, -1.333]
+)  # fmt: skip
+_VLP32C_OFFSET_DEG = np.array(
+    [1.4, -4.2, 1.4, -1.4, 1.4, -1.4, 4.2, -1.4, 1.4, -4.2, 1.4, -1.4, 4.2, -1.4, 4.2, -1.4,
+     1.4, -4.2, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4, 1.4, -1.4, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4]
+)  # fmt: skip
+
+
+def _vlp32c() -> Scanner:
+    """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm."""
+    return _one_column(
+        "VLP-32C",
+        vertical_deg=_VLP32C_VERTICAL_DEG,
+        rotational_deg=-_VLP32C_OFFSET_DEG,
+        firing_time_s=2.304e-6 * (np.arange(32) // 2),
+        firing_cycle_s=55.296e-6,
+        firings_per_packet=12,
+        cell_ticks=20,
+        max_range_m=200.0,
+        factory_byte=0x28,
+        distance_tick_m=0.004,
+    )
+
+
+# VLS-128 manual, table of vertical angles by laser (degrees); its eight azimuth offsets repeat.
+_VLS128_VERTICAL_DEG = np.array(
+    [-11.742, -1.99, 3.4, -5.29, -0.78, 4.61, -4.08, 1.31, -6.5, -1.11, 4.28, -4.41, 0.1, 6.48,
+     -3.2, 2.19, -3.86, 1.53, -9.244, -1.77, 2.74, -5.95, -0.56, 4.83, -2.98, 2.41, -6.28, -0.89,
+     3.62, -5.07, 0.32, 7.58, -0.34, 5.18, -3.64, 1.75, -25, -2.43, 2.96, -5.73, 0.54, 9.7, -2.76,
+     2.63, -7.65, -1.55, 3.84, -4.85, 3.18, -5.51, -0.12, 5.73, -4.3, 1.09, -16.042, -2.21, 4.06,
+     -4.63, 0.76, 15, -3.42, 1.97, -6.85, -1.33, -5.62, -0.23, 5.43, -3.53, 0.98, -19.582, -2.32,
+     3.07, -4.74, 0.65, 11.75, -2.65, 1.86, -7.15, -1.44, 3.95, -2.1, 3.29, -5.4, -0.01, 4.5,
+     -4.19, 1.2, -13.565, -1.22, 4.17, -4.52, 0.87, 6.08, -3.31, 2.08, -6.65, 1.42, -10.346, -1.88,
+     3.51, -6.06, -0.67, 4.72, -3.97, 2.3, -6.39, -1, 4.39, -5.18, 0.21, 6.98, -3.09, 4.98, -3.75,
+     1.64, -8.352, -2.54, 2.85, -5.84, -0.45, 8.43, -2.87, 2.52, -6.17, -1.66, 3.73, -4.96, 0.43]
+)  # fmt: skip
+_VLS128_ROTATIONAL_DEG = np.array([-6.354, -4.548, -2.732, -0.911, 0.911, 2.732, 4.548, 6.354])
+
+
+def _vls128() -> Scanner:
+    """VLS-128 (Alpha Prime): eight lasers fire at a time, in four banks of 32.
+
+    A group of eight takes 2.665 us, with a pause of one group after the eighth and of three after
+    the last: 53.3 us (VLS-128 manual, firing sequence; later firmware is 8 % slower). The four
+    blocks of a firing have the azimuth of its first group. Three firings fill a packet; with two
+    returns it holds one, in eight blocks, and four blocks without a flag. 0x63 is the product byte
+    of the manuals, 0xA1 that of delivered units (ROS driver).
+    """
+    group = np.arange(128) // 8
+    return _one_column(
+        "VLS-128",
+        vertical_deg=_VLS128_VERTICAL_DEG,
+        rotational_deg=np.tile(_VLS128_ROTATIONAL_DEG, 16),
+        firing_time_s=2.665e-6 * (group + group // 8),
+        firing_cycle_s=53.3e-6,
+        firings_per_packet=3,
+        cell_ticks=20,
+        max_range_m=245.0,
+        factory_byte=0xA1,
+        other_factory_bytes=(0x63,),
+        dual_packet_rate_hz=1.0 / 53.3e-6,
+        distance_tick_m=0.004,
+    )
+
+
+#: Every scanner that can be named in a sheet. "HDL-64E" is an S2; an S3 sends alike.
 SCANNERS: dict[str, Scanner] = {
     scanner.name: scanner
     for scanner in (
         _hdl64e("HDL-64E", packet_rate_hz=3472.17, firing_cycle_s=48.0e-6),
-        _hdl64e("HDL-64E-S1", packet_rate_hz=2500.0, firing_cycle_s=100.0e-6),
+        _hdl64e("HDL-64E-S1", packet_rate_hz=2500.0, firing_cycle_s=100.0e-6, dual=False),
+        _hdl64e("HDL-64E-S3", packet_rate_hz=3472.17, firing_cycle_s=48.0e-6),
         _hdl32e(),
-        _vlp16(),
+        _vlp16("VLP-16", step_deg=2.0, factory_byte=0x22),
+        _vlp16("VLP-16-Hi-Res", step_deg=4.0 / 3.0, factory_byte=0x24),
+        _vlp32c(),
+        _vls128(),
     )
 }
 

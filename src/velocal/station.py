@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.lasers import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.planes import Patch, Plane, PlaneFit, fit_plane, hull_patch
-from velocal.rigid import RigidAdjustment, adjust_rigid
+from velocal.rigid import RigidAdjustment, RigidTransformation, adjust_rigid
 from velocal.survey import Targets, common
 
 
@@ -114,6 +114,16 @@ def patches_of(content: Mapping[str, Any]) -> list[Patch]:
         )
         for plane in content["planes"]
     ]
+
+
+def pose_of(content: Mapping[str, Any]) -> RigidTransformation:
+    """``T_scanner_field`` out of what `as_dict` gave."""
+    pose = content["pose"]
+    return RigidTransformation(
+        np.array(pose["rotation"]),
+        np.array(pose["translation_m"]),
+        np.array(pose["covariance_rad_m"]),
+    )
 
 
 def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:

@@ -5,19 +5,16 @@ Every fault is one `ConfigError` that names the file, the row or key, and what i
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jsonschema
-import pandas as pd
-import yaml
-
 from velocal.errors import ConfigError
 from velocal.outdoor_sheet import OutdoorSample, check_outdoor
 from velocal.sensors import SCANNERS
+from velocal.sheets import check, read_sheet, read_yaml
+from velocal.streams import name_streams, stream_path
 
 #: Windows of a surveyed sample, and the only one of a field sample.
 WINDOWS = ("beginning", "middle", "end")
@@ -36,7 +33,11 @@ class Sample:
     recording : str
         Path of the capture.
     calibration : str
-        Path of the factory's calibration file, or "nominal".
+        Path of the factory's calibration file ("stream": that read from a recording), or "nominal".
+    port : int or None
+        UDP port to which the scanner sent; any if None.
+    address : str or None
+        Address from which it sent, or the topic of a bag; any if None.
     """
 
     name: str
@@ -44,6 +45,8 @@ class Sample:
     position: str | None
     recording: str
     calibration: str
+    port: int | None = None
+    address: str | None = None
 
     @property
     def windows(self) -> tuple[str, ...]:
@@ -118,89 +121,6 @@ class Study:
         }
 
 
-def check(content: object, schema: Mapping[str, Any], where: str) -> None:
-    """Check content against a JSON schema.
-
-    Raises
-    ------
-    ConfigError
-        For the first fault, with its place and what is allowed.
-    """
-    fault = jsonschema.exceptions.best_match(
-        jsonschema.Draft202012Validator(schema).iter_errors(content)
-    )
-    if fault is None:
-        return
-    place = ".".join(str(part) for part in fault.absolute_path)
-    rule: Any = fault.schema
-    what, allowed = f"{place}: {fault.message}" if place else fault.message, None
-    if fault.validator == "additionalProperties":
-        known, patterns = (
-            sorted(rule.get("properties", {})),
-            list(rule.get("patternProperties", {})),
-        )
-        extra = [
-            key
-            for key in fault.instance
-            if key not in known and not any(re.search(pattern, key) for pattern in patterns)
-        ]
-        what = f"unknown key {'.'.join([place, str(extra[0])]).lstrip('.')!r}"
-        allowed = ", ".join(known + patterns)
-    elif fault.validator == "enum":
-        allowed = ", ".join(str(value) for value in rule["enum"])
-        what = f"{place}: {fault.instance!r}"
-    elif fault.validator == "pattern":
-        allowed = f"names like {rule['pattern']}"
-        what = f"{place}: {fault.instance!r} is not a name"
-    hint = rule.get("description") if isinstance(rule, Mapping) else None
-    raise ConfigError(what, where=where, allowed=allowed, hint=hint)
-
-
-def read_yaml(path: Path) -> Any:
-    """Read a YAML file.
-
-    Raises
-    ------
-    ConfigError
-        If it is missing or no YAML.
-    """
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
-
-
-def read_sheet(path: Path, schema: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Read a tab-separated sheet, every row checked; `#` begins a comment.
-
-    Raises
-    ------
-    ConfigError
-        If the file, a column or a cell is wrong, or a sample occurs twice.
-    """
-    try:
-        table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
-    rows: list[dict[str, str]] = [
-        {str(key): str(value).strip() for key, value in row.items()}
-        for row in table.to_dict(orient="records")
-    ]
-    seen: dict[str, int] = {}
-    for number, row in enumerate(rows, start=1):
-        where = f"{path}, row {number}"
-        check(row, schema, where)
-        name = row["sample"]
-        if name in seen:
-            raise ConfigError(
-                f"sample {name!r} occurs twice",
-                where=where,
-                hint=f"It stands in row {seen[name]} already; every recording needs its own name.",
-            )
-        seen[name] = number
-    return rows
-
-
 def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     """Check a configuration and read its sheets.
 
@@ -224,20 +144,23 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     if "samples" in config:
         sheet = Path(config["samples"])
         rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         surveyed = {
             row["sample"]: Sample(
-                row["sample"], row["scanner"], row["position"], row["recording"], row["calibration"]
+                row["sample"], row["scanner"], row["position"], row["recording"],
+                row["calibration"], *_choice(row),
             )
             for row in rows
-        }
+        }  # fmt: skip
     if "field" in config:
         sheet = Path(config["field"]["samples"])
         folder = Path(config["field"]["recordings"])
         rows = read_sheet(sheet, read_yaml(schemas / "field_samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet))
         field = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], None,
-                str(folder / row["recording"]), row["calibration"],
+                str(folder / row["recording"]), row["calibration"], *_choice(row),
             )
             for row in rows
         }  # fmt: skip
@@ -249,6 +172,12 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)
     return study
+
+
+def _choice(row: Mapping[str, str]) -> tuple[int | None, str | None]:
+    """Port and address of a row; an empty cell or no column is any."""
+    port = row.get("port")
+    return int(port) if port else None, row.get("address") or None
 
 
 def _check_references(study: Study, where: str) -> None:
@@ -303,16 +232,38 @@ def _check_references(study: Study, where: str) -> None:
     for scanner in study.scanners:
         if scanner not in config["parameter_sets"]:
             raise ConfigError(f"parameter_sets has no {scanner!r}", where=where)
-    for number, table in config.get("tables", {}).items():
-        for sample in table["samples"]:
-            if sample not in study.surveyed:
-                raise ConfigError(
-                    f"tables.{number}: no sample {sample!r}",
-                    where=where,
-                    allowed=", ".join(study.surveyed),
-                )
+    for key in ("tables", "figures"):
+        for number, entry in config.get(key, {}).items():
+            for sample in entry.get("samples", ()):
+                if sample not in study.surveyed:
+                    raise ConfigError(
+                        f"{key}.{number}: no sample {sample!r}",
+                        where=where,
+                        allowed=", ".join(study.surveyed),
+                    )
+    _check_maps(study, where)
     if "methods" in config:
         _check_methods(study, config["methods"], where)
+
+
+def _check_maps(study: Study, where: str) -> None:
+    """Check the parameter set of a map, and that there is one map at most."""
+    figures: Mapping[str, Mapping[str, Any]] = study.config.get("figures", {})
+    maps = {number: figure for number, figure in figures.items() if figure["kind"] == "map"}
+    for number, figure in maps.items():
+        key = f"figures.{number}"
+        sets = study.parameter_sets.get(figure["scanner"], {})
+        if figure["set"] not in sets:
+            raise ConfigError(
+                f"{key}: no parameter set {figure['set']!r} of {figure['scanner']!r}",
+                where=where,
+                allowed=", ".join(sets),
+            )
+        if len(maps) > 1 or "simulation" not in study.config:
+            raise ConfigError(
+                f"{key}: one map of the simulated world's building is drawn, no other",
+                where=where,
+            )
 
 
 def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:
@@ -358,10 +309,11 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
     named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
     if not named:
         named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
+    given = {"nominal", *(stream_path(study.config["results"], name) for name in study.samples)}
     every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
     for sample in every:
         named[f"recording of sample {sample.name!r}"] = sample.recording
-        if sample.calibration != "nominal":
+        if sample.calibration not in given:
             named[f"calibration of sample {sample.name!r}"] = sample.calibration
     hint = "Paths are relative to the folder in which snakemake runs."
     if made_here:

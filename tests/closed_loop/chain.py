@@ -51,14 +51,19 @@ def run(
     planes: tuple[str, ...],
     solver: Solver,
     stochastic: Stochastic,
+    from_stream: bool = False,
 ) -> Loop:
-    """Packets -> file -> returns -> medians -> planes -> adjustments of all lasers."""
+    """Packets -> file -> returns -> medians -> planes -> adjustments of all lasers.
+
+    The factory's calibration is that of the world, or what the recording's status bytes hold of it.
+    """
     recording, parquet = folder / "recording.bin", folder / "returns.parquet"
     with recording.open("wb") as file:
         for block in capture.records(simulated, scanner, position, "loop", rotations):
             file.write(block)
     known = SCANNERS[scanner]
-    index = inspect(recording).index
+    inspection = inspect(recording)
+    index = inspection.index
     chosen = np.flatnonzero(index.complete)
     write_returns(recording, index, chosen, known, parquet)
     columns, facts = storage.read_table(parquet, schemas.RETURNS)
@@ -79,6 +84,8 @@ def run(
         where="loop",
     )
     factory = truth.factory_parameters(simulated, scanner)
+    if from_stream:
+        factory = inspection.status.calibration(str(recording))
     rows = assigned_scan(
         asdict(medians), known, facts["rotation_rate_hz"], factory, station.patches, GATES
     )

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from closed_loop.chain import Loop, run, study_world
 
+from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel
 from velocal.adjustment.stochastic import Stochastic
 from velocal.parameters import PARAMETERS
@@ -105,18 +106,14 @@ def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
     untouched = [a for a in result.adjustments if "v" in a.held]
     assert all(abs(a.corrections[2]) < PRIOR["v"] for a in untouched)
     # The pseudo-inverse at machine precision instead sends some of them far away.
-    literal = run(
-        study_world(),
-        "HDL-64E",
-        "P2",
-        tmp_path,
-        rotations=12,
-        names=NAMES,
-        planes=("short_wall", "long_wall"),
-        solver=PaperModel(truncate_at=None),
-        stochastic=Stochastic(0.02, PRIOR),
+    literal = adjust_all(
+        result.observations,
+        result.factory,
+        NAMES,
+        PaperModel(truncate_at=None),
+        Stochastic(0.02, PRIOR),
     )
-    assert max(abs(a.corrections[2]) for a in literal.adjustments) > 10 * PRIOR["v"]
+    assert max(abs(a.corrections[2]) for a in literal) > 10 * PRIOR["v"]
 
 
 def test_a_laser_without_points_is_named(loop):

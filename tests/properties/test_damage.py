@@ -1,10 +1,12 @@
 """Damaged files: whatever bytes are lost or added, nothing crashes and every byte is counted."""
 
+import gzip
 import tempfile
 from pathlib import Path
 
 import numpy as np
 from capture_helpers import pcap, record_list, scan, spin, write
+from container_helpers import containers
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -19,6 +21,14 @@ FILES = {
     "records of 1248 bytes": b"".join(record_list(PAYLOADS, 42)),
     "pcap": pcap(PAYLOADS),
     "pcap, big-endian": pcap(PAYLOADS, ">", 10**9),
+    "pcapng": containers(PAYLOADS)["pcapng"],
+    "pcap of fragments": containers(PAYLOADS)["fragments"],
+    "pcapng of a cooked link": containers(PAYLOADS)["pcapng cooked"],
+}
+PACKED = {
+    "gzip": gzip.compress(FILES["pcap"], mtime=0),
+    "gzip of records": gzip.compress(FILES["records of 1206 bytes"], mtime=0),
+    "gzip, stored": gzip.compress(FILES["pcapng"], 0, mtime=0),
 }
 
 lost = st.tuples(st.just("lose"), st.integers(0, 25_000), st.integers(1, 3000))
@@ -27,6 +37,10 @@ added = st.tuples(st.just("add"), st.integers(0, 25_000), st.binary(min_size=1, 
 changed = st.tuples(st.just("change"), st.integers(0, 25_000), st.binary(min_size=1, max_size=40))
 copied = st.tuples(st.just("copy"), st.integers(0, 25_000), st.integers(0, 25_000))
 damages = st.lists(st.one_of(lost, few_lost, added, changed, copied), min_size=1, max_size=4)
+
+
+# A fragment takes others with it, and the beginning of a pcapng is longer than that of a pcap.
+PLAIN = [name for name in FILES if "pcapng" not in name and "fragments" not in name]
 
 
 def damaged(content: bytes, operations) -> bytes:
@@ -42,10 +56,10 @@ def damaged(content: bytes, operations) -> bytes:
     return content
 
 
-@given(st.sampled_from(sorted(FILES)), damages)
+@given(st.sampled_from(sorted(FILES | PACKED)), damages)
 def test_every_byte_is_counted(name, operations):
     with tempfile.TemporaryDirectory() as folder:
-        path = write(Path(folder), damaged(FILES[name], operations))
+        path = write(Path(folder), damaged((FILES | PACKED)[name], operations))
         try:
             found = inspect(path)
         except RecordingError:
@@ -57,7 +71,7 @@ def test_every_byte_is_counted(name, operations):
         payloads, offsets, _, again = scan(path)
         assert again == ledger
         assert ledger.data.packets == len(payloads) == found.index.packet[-1]
-        assert (np.diff(offsets) > 0).all()
+        assert len(np.unique(offsets)) == len(offsets)
         # What is read with the index is what the scan saw.
         chunks = list(read_rotations(path, found.index, np.arange(len(found.index))))
         np.testing.assert_array_equal(np.concatenate([c.payloads for c, _ in chunks]), payloads)
@@ -68,7 +82,7 @@ def test_every_byte_is_counted(name, operations):
         )
 
 
-@given(st.sampled_from(sorted(FILES)), st.one_of(few_lost, added, changed))
+@given(st.sampled_from(PLAIN), st.one_of(few_lost, added, changed))
 @example("pcap, big-endian", ("lose", 0, 28))  # addresses then read as a length
 def test_small_damage_costs_little(name, operation):
     """Beyond the file header, one damage costs the packet it hits and the next at most."""

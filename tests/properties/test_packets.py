@@ -4,6 +4,7 @@ import struct
 
 import numpy as np
 import pytest
+from capture_helpers import spin, two_returns
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -68,7 +69,7 @@ def test_encode_follows_the_manuals(sent):
     assert packets.encode(**sent).tobytes() == expected
 
 
-@pytest.mark.parametrize("name", [name for name in SCANNERS if name != "VLP-16"])
+@pytest.mark.parametrize("name", [n for n in SCANNERS if not n.startswith("VLP-16")])
 @given(data=st.data())
 def test_decode_of_one_firing_a_block(name, data):
     scanner = SCANNERS[name]
@@ -81,7 +82,7 @@ def test_decode_of_one_firing_a_block(name, data):
     np.testing.assert_array_equal(firings.intensity, sent["intensity"].reshape(-1, 32))
     np.testing.assert_array_equal(firings.timestamp, np.repeat(sent["timestamp"], 12))
     for row, flag in enumerate(sent["flag"].reshape(-1)):
-        first = {0xEEFF: 0, 0xDDFF: 32}[int(flag)]
+        first = {0xEEFF: 0, 0xDDFF: 32, 0xCCFF: 64, 0xBBFF: 96}[int(flag)]
         assert firings.first_laser[row] == first
         assert list(firings.laser_id()[row]) == list(range(first, first + 32))
     dtypes = [a.dtype for a in (firings.azimuth, firings.distance, firings.intensity)]
@@ -160,7 +161,7 @@ def test_a_full_turn_is_zero():
     assert [bool(a[0]) for a in packets.sound(packets.encode(**sent))] == [True, False]
 
 
-@pytest.mark.parametrize("flag", [0x0000, 0xFFEE, 0xEEFE, 0xCCFF])
+@pytest.mark.parametrize("flag", [0x0000, 0xFFEE, 0xEEFE, 0xAAFF])
 def test_an_unknown_flag_is_not_sound(flag):
     payloads = packets.encode(
         np.full((2, 12), FLAG_UPPER, np.uint16),
@@ -173,3 +174,82 @@ def test_an_unknown_flag_is_not_sound(flag):
     packets.view(payloads)["blocks"]["flag"][1, 11] = flag
     known, _ = packets.sound(payloads)
     assert list(known) == [True, False]
+
+
+# -- two returns -----------------------------------------------------------------------------------
+
+PAIRS = {
+    1: [(0, 1), (2, 3), (4, 5), (6, 7), (8, 9), (10, 11)],
+    2: [(0, 2), (1, 3), (4, 6), (5, 7), (8, 10), (9, 11)],
+    4: [(0, 1), (2, 3), (4, 5), (6, 7)],
+}
+
+
+def shots_by_hand(payload: bytes, pairs) -> list[tuple[int, int, list, list]]:
+    """Flag, azimuth and the channels of both blocks of every pair."""
+    found = []
+    for one, other in pairs:
+        heads = [struct.unpack_from("<HH", payload, 100 * block) for block in (one, other)]
+        assert heads[0] == heads[1]
+        channels = [
+            [struct.unpack_from("<HB", payload, 100 * block + 4 + 3 * k) for k in range(32)]
+            for block in (one, other)
+        ]
+        found.append((*heads[0], *channels))
+    return found
+
+
+@pytest.mark.parametrize("name", [name for name in SCANNERS if name != "HDL-64E-S1"])
+@given(n=st.integers(1, 4), seed=st.integers(0, 2**31), zero=st.booleans())
+def test_one_of_two_returns(name, n, seed, zero):
+    scanner = SCANNERS[name]
+    payloads = two_returns(spin(n, banks=len(scanner.flags), seed=seed))
+    if zero:
+        packets.view(payloads)["blocks"]["channels"]["distance"][:, 1] = 0
+    assert packets.sound(payloads)[0].all()
+    both = packets.decode(payloads, scanner)
+    kinds = {packets.LAST: [], packets.STRONGEST: []}
+    for which in kinds:
+        rows = both[both.which == which]
+        kinds[which] = rows.distance.reshape(-1)
+    chosen = {r: packets.decode(payloads, scanner, r) for r in ("last", "strongest")}
+    expected = {"last": [], "strongest": []}
+    lasers, stated = [], {packets.LAST: [], packets.STRONGEST: []}
+    for payload in payloads:
+        for flag, azimuth, one, other in shots_by_hand(bytes(payload), PAIRS[len(scanner.flags)]):
+            lasers += [32 * scanner.flags.index(flag) + k % scanner.n_lasers for k in range(32)]
+            # HDL-64E: the strongest comes first; all others: the last.
+            last, strong = (other, one) if scanner.paired else (one, other)
+            stated[packets.LAST] += [distance for distance, _ in last]
+            stated[packets.STRONGEST] += [distance for distance, _ in strong]
+            for a, b in zip(strong, last, strict=True):
+                expected["last"].append(max(a[0], b[0]))
+                power = [intensity if distance else -1 for distance, intensity in (a, b)]
+                expected["strongest"].append(a[0] if power[0] >= power[1] else b[0])
+            assert azimuth < 36_000
+    for which, distance in stated.items():
+        np.testing.assert_array_equal(kinds[which], distance)
+    for returns, firings in chosen.items():
+        np.testing.assert_array_equal(firings.distance.reshape(-1), expected[returns])
+        np.testing.assert_array_equal(firings.laser_id().reshape(-1), lasers)
+    assert set(lasers) == set(range(scanner.n_lasers))
+
+
+def test_a_head_that_stands_still_tells_nothing():
+    payloads = spin(3, step=0)
+    assert not packets.two_returns(*packets.flags_and_azimuths(packets.view(payloads))).any()
+
+
+def test_empty_blocks_of_a_vls128():
+    payloads = two_returns(spin(3, banks=4))
+    blocks = packets.view(payloads)["blocks"]
+    for empty in (0x0000, 0xFFFF):
+        blocks["flag"][:, 8:] = empty
+        blocks["azimuth"][:, 8:] = empty
+        assert packets.sound(payloads)[0].all()
+        assert packets.sound(payloads)[1].all()
+        assert len(packets.decode(payloads, SCANNERS["VLS-128"])) == 3 * 8
+    blocks["azimuth"][1, 7] = 36_001
+    blocks["flag"][2, 9] = FLAG_UPPER  # neither full nor empty
+    known, turn = packets.sound(payloads)
+    assert (list(known), list(turn)) == ([True, True, False], [True, False, False])

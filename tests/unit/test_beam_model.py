@@ -130,8 +130,12 @@ def test_nominal_scanners(name):
     lowest, highest = {
         "HDL-64E": (-24.33, 2.0),
         "HDL-64E-S1": (-24.33, 2.0),
+        "HDL-64E-S3": (-24.33, 2.0),
         "HDL-32E": (-30.67, 10.67),
         "VLP-16": (-15, 15),
+        "VLP-16-Hi-Res": (-10, 10),
+        "VLP-32C": (-25, 15),
+        "VLS-128": (-25, 15),
     }[name]
     assert np.rad2deg(parameters.v.min()) == pytest.approx(lowest, abs=0.01)
     assert np.rad2deg(parameters.v.max()) == pytest.approx(highest, abs=0.01)

@@ -1,17 +1,25 @@
 """Calibration files: what is read, and what is said about files that cannot be used."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from velocal.calibration_files import db_xml, formats, ros_yaml, table
-from velocal.errors import CalibrationFileError
+from velocal.calibration_files import formats, table
+from velocal.calibration_files.lasers import Calibration
+from velocal.conversion import convert
+from velocal.dialects import DIALECTS, PAPER
+from velocal.errors import CalibrationFileError, ConfigError
 from velocal.parameters import PARAMETERS, ParameterSet
 
 N = 3
-WITHOUT_X_Y = {"dist_correction_x", "dist_correction_y"}
+
+
+def read(path: Path, n_lasers: int = N) -> ParameterSet:
+    return formats.read_calibration(path, n_lasers).parameters
 
 
 def made_up(**carried: list[float]) -> ParameterSet:
@@ -54,6 +62,11 @@ def csv_text(*rows: str, more: str = "") -> str:
     return "\n".join(["laser_id,dl_m,alpha_rad,v_rad,voff_m,hoff_m" + more, *rows, ""])
 
 
+def json_text(**changed: object) -> str:
+    known = {"format": "velocal calibration", "version": 1, "dialect": "paper", "provenance": {}}
+    return json.dumps({**known, "lasers": [], **changed})
+
+
 def put(folder: Path, name: str, text: str | bytes) -> Path:
     path = folder / name
     path.write_bytes(text.encode() if isinstance(text, str) else text)
@@ -63,7 +76,7 @@ def put(folder: Path, name: str, text: str | bytes) -> Path:
 def test_xml_is_converted_to_radians_and_metres(tmp_path: Path) -> None:
     tags = {"vertOffsetCorrection_": 20, "horizOffsetCorrection_": 2.6, "focalDistance_": 1200}
     path = put(tmp_path, "db.xml", xml(px("0.0", **tags) + px(1) + px(2)))
-    found = db_xml.read(path, N)
+    found = read(path, N)
     assert found.alpha[0] == pytest.approx(np.pi / 20)
     assert found.v[0] == pytest.approx(-np.pi / 10)
     assert found.dl.tolist() == [1.2, 1.2, 1.2]
@@ -75,7 +88,7 @@ def test_xml_is_converted_to_radians_and_metres(tmp_path: Path) -> None:
 
 def test_xml_with_the_misspelt_tag(tmp_path: Path) -> None:
     path = put(tmp_path, "db.xml", xml(px(0, horizOffsetCorection_=2.6) + px(1) + px(2)))
-    assert db_xml.read(path, N).hoff[0] == 0.026
+    assert read(path, N).hoff[0] == 0.026
 
 
 def test_xml_enabled_selects_and_intensities_go_by_laser_id(tmp_path: Path) -> None:
@@ -84,30 +97,30 @@ def test_xml_enabled_selects_and_intensities_go_by_laser_id(tmp_path: Path) -> N
         "</enabled_><minIntensity_><item>5</item><item>6</item><item>7</item></minIntensity_>"
     )
     path = put(tmp_path, "db.xml", xml(px(2) + px(3) + px(1) + px(0), before))
-    found = db_xml.read(path, N)
+    found = read(path, N)
     assert len(found) == N
     assert found.carried["min_intensity"].tolist() == [5, 6, 7]
 
 
 def test_xml_without_enabled_skips_zeros_behind_the_lasers_only(tmp_path: Path) -> None:
     zeros = {"rotCorrection_": 0, "vertCorrection_": 0, "distCorrection_": 0}
-    assert len(db_xml.read(put(tmp_path, "db.xml", xml(THREE + px(3, **zeros))), N)) == N
+    assert len(read(put(tmp_path, "db.xml", xml(THREE + px(3, **zeros))), N)) == N
     with pytest.raises(CalibrationFileError, match="holds 4 lasers"):
-        db_xml.read(put(tmp_path, "db.xml", xml(THREE + px(3))), N)
+        read(put(tmp_path, "db.xml", xml(THREE + px(3))), N)
 
 
 @pytest.mark.parametrize(
-    ("suffix", "n_items", "n_lasers"), [(".xml", 64, 3), (".yaml", 3, 3), (".csv", 3, 3)]
+    ("suffix", "key", "count"),
+    [(".xml", "<id_>", 64), (".yaml", "laser_id:", 3), (".csv", "\n", 4), (".json", "laser_id", 3)],
 )
-def test_written_files(tmp_path: Path, suffix: str, n_items: int, n_lasers: int) -> None:
+def test_written_files(tmp_path: Path, suffix: str, key: str, count: int) -> None:
     path, again = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
     formats.write(path, made_up(focal_slope=[1.4, 1.5, 0.3]))
     formats.write(again, made_up(focal_slope=[1.4, 1.5, 0.3]))
     text = path.read_text()
     assert text == again.read_text()
-    ids = {".xml": text.count("<id_>"), ".yaml": text.count("laser_id:"), ".csv": text.count("\n")}
-    assert ids[suffix] == n_items + (suffix == ".csv")
-    found = formats.read(path, n_lasers)
+    assert text.count(key) == count
+    found = formats.read(path, N)
     for name in PARAMETERS:
         assert getattr(found, name).tobytes() == getattr(made_up(), name).tobytes()
     assert found.carried["focal_slope"].tolist() == [1.4, 1.5, 0.3]
@@ -115,32 +128,111 @@ def test_written_files(tmp_path: Path, suffix: str, n_items: int, n_lasers: int)
 
 def test_xml_numbers_are_short(tmp_path: Path) -> None:
     source = put(tmp_path, "source.xml", xml(THREE.replace(">-18<", ">-8.7686234<")))
-    db_xml.write(tmp_path / "db.xml", db_xml.read(source, N))
+    formats.write(tmp_path / "db.xml", read(source, N))
     assert "<vertCorrection_>-8.7686234<" in (tmp_path / "db.xml").read_text()
 
 
 def test_yaml_without_two_point_correction_stays_without(tmp_path: Path) -> None:
     zeros = {"dist_correction_x": 0, "dist_correction_y": 0}
     path = put(tmp_path, "a.yaml", yaml_text(entry(0, **zeros), entry(1), entry(2)))
-    found = ros_yaml.read(path, N)
-    assert not WITHOUT_X_Y & set(found.carried)
-    ros_yaml.write(path, found)
-    first = yaml.safe_load(path.read_text())["lasers"][0]
+    found = read(path)
+    assert not found.carried["two_pt_correction_available"].any()
+    formats.write(path, found)
+    first, second, _ = yaml.safe_load(path.read_text())["lasers"]
     assert first["two_pt_correction_available"] is False
+    assert first["dist_correction_x"] == 0.0
     # Readers that do not know the flag interpolate between equal values.
-    assert first["dist_correction_x"] == first["dist_correction_y"] == 1.2
+    assert second["dist_correction_x"] == second["dist_correction_y"] == 1.2
     assert (first["min_intensity"], first["max_intensity"]) == (0, 255)
+    # The XML has no flag: there, what is turned off gets no effect.
+    formats.write(tmp_path / "a.xml", found)
+    assert read(tmp_path / "a.xml").carried["dist_correction_x"].tolist() == [1.2] * 3
+
+
+def test_yaml_flags_of_sets_without_flags_are_those_of_the_converter_of_ros(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    formats.write(path, made_up(dist_correction_x=[1.3, 0, 1.0], dist_correction_y=[1.3, 1, 0.0]))
+    flags = [e["two_pt_correction_available"] for e in yaml.safe_load(path.read_text())["lasers"]]
+    assert flags == [True, False, False]
 
 
 def test_yaml_two_point_correction_of_some_lasers(tmp_path: Path) -> None:
     near = {"dist_correction_x": 1.3, "dist_correction_y": 1.4, "two_pt_correction_available": True}
     path = put(tmp_path, "a.yml", yaml_text(entry(2), entry(1, **near), entry(0)))
-    assert formats.read(path, N).carried["dist_correction_x"].tolist() == [1.2, 1.3, 1.2]
+    found = formats.read(path, N)
+    assert found.carried["dist_correction_x"].tolist() == [1.2, 1.3, 1.2]
+    assert found.carried["two_pt_correction_available"].tolist() == [0, 1, 0]
+
+
+def test_yaml_of_velodyne_decoder_leaves_out_what_is_zero(tmp_path: Path) -> None:
+    lasers = [{"laser_id": k, "rot_correction": 0.1, "vert_correction": 0.2} for k in range(N)]
+    found = read(put(tmp_path, "a.yml", yaml_text(*lasers, distance_resolution=0.002)))
+    assert found.dl.tolist() == found.voff.tolist() == [0.0] * N
+
+
+@pytest.mark.parametrize("suffix", [".xml", ".yaml", ".json"])
+def test_another_distance_tick_is_carried(tmp_path: Path, suffix: str) -> None:
+    """A VLS-128 counts in 4 mm; the scanners of this project do not."""
+    path = put(tmp_path, "a.xml", xml(THREE, "<distLSB_>0.4</distLSB_>"))
+    found = formats.read_calibration(path)
+    assert found.tick_m == 0.004
+    formats.write(tmp_path / f"b{suffix}", found)
+    assert formats.read_calibration(tmp_path / f"b{suffix}").tick_m == 0.004
+    with pytest.raises(CalibrationFileError, match=r"made for a distance tick of 0\.004 m"):
+        formats.read(path, N)
+
+
+def complete() -> Calibration:
+    return Calibration(
+        made_up(dist_correction_x=[1.3, 0, 1.0], two_pt_correction_available=[1, 0, 1]),
+        dialect="manual",
+        scanner="VLP-16",
+        tick_m=0.004,
+        std={"dl": np.array([0.1, np.nan, 1 / 3]), "v": np.array([1e-9, 2e-300, 0.0])},
+        covariance={("dl", "alpha"): np.array([1e-7, -1 / 3, np.nan])},
+        provenance={"velocal": "0.1.0", "sources": ["a", {"b": 1.5}]},
+    )
+
+
+def test_complete_format_keeps_everything(tmp_path: Path) -> None:
+    written, path = complete(), tmp_path / "a.json"
+    formats.write(path, written)
+    found = formats.read_calibration(path, N)
+    for name in ("dialect", "scanner", "tick_m", "provenance"):
+        assert getattr(found, name) == getattr(written, name)
+    for name in PARAMETERS:
+        before, after = (getattr(each.parameters, name) for each in (written, found))
+        assert after.tobytes() == before.tobytes()
+    for kind in ("std", "covariance"):
+        assert getattr(found, kind).keys() == getattr(written, kind).keys()
+        for key, values in getattr(written, kind).items():
+            np.testing.assert_array_equal(getattr(found, kind)[key], values)
+    np.testing.assert_equal(dict(found.parameters.carried), dict(written.parameters.carried))
+    formats.write(tmp_path / "b.json", found)
+    assert (tmp_path / "b.json").read_bytes() == path.read_bytes()
+    assert sum("laser_id" in line for line in path.read_text().splitlines()) == N
+
+
+def test_stated_dialects_are_read_back_as_parameters_of_the_model(tmp_path: Path) -> None:
+    for suffix, dialect in ((".xml", "veloview"), (".yaml", "ros"), (".json", "mrpt")):
+        numbers = convert(replace(made_up(), alpha=np.zeros(N)), PAPER, DIALECTS[dialect])
+        path = tmp_path / f"a{suffix}"
+        formats.write(path, Calibration(numbers, dialect=dialect))
+        assert formats.read_calibration(path).dialect == dialect
+        found = formats.read(path, N)
+        for name in ("dl", "v", "voff", "hoff"):
+            np.testing.assert_allclose(getattr(found, name), getattr(made_up(), name), atol=1e-15)
+
+
+def test_unknown_dialect_in_a_file(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.yaml", yaml_text(*map(entry, range(N)), dialect="klingon"))
+    with pytest.raises(ConfigError, match="unknown dialect 'klingon'"):
+        formats.read(path, N)
 
 
 def test_yaml_with_exponents_that_yaml_takes_for_text(tmp_path: Path) -> None:
     text = yaml_text(*map(entry, range(N))).replace("-0.1", "-1e-05")
-    assert ros_yaml.read(put(tmp_path, "a.yaml", text), N).v[0] == -1e-5
+    assert read(put(tmp_path, "a.yaml", text), N).v[0] == -1e-5
 
 
 def test_csv_with_standard_deviations(tmp_path: Path) -> None:
@@ -150,17 +242,17 @@ def test_csv_with_standard_deviations(tmp_path: Path) -> None:
     assert header == "laser_id,dl_m,alpha_rad,v_rad,voff_m,hoff_m,dl_std_m"
     assert first.endswith(",0.001")
     assert second.endswith(",")
-    assert table.read(path).dl.tolist() == [1.2, 1.3, 0.0]
+    assert read(path).dl.tolist() == [1.2, 1.3, 0.0]
 
 
 def test_csv_from_a_spreadsheet(tmp_path: Path) -> None:
     text = "\ufeff" + csv_text("0,1,0,0,0,0").replace("\n", "\r\n") + "\r\n"
-    assert table.read(put(tmp_path, "a.csv", text)).dl.tolist() == [1.0]
+    assert read(put(tmp_path, "a.csv", text), 1).dl.tolist() == [1.0]
 
 
 BOMB = '<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;&b;&b;">]>'
 BAD = {
-    "unknown suffix": ("a.txt", "", r"unknown suffix '.txt' \(allowed: .xml, .yaml, .yml, .csv\)"),
+    "unknown suffix": ("a.txt", "", r"suffix '.txt' \(allowed: .xml, .yaml, .yml, .csv, .json\)"),
     "web page": ("a.xml", "\n<!DOCTYPE html><html>", "is a web page.*\nHint: Download the file"),
     "xml empty": ("a.xml", "", "is not XML"),
     "xml broken": ("a.xml", xml(THREE)[:-9], "is not XML"),
@@ -169,7 +261,8 @@ BAD = {
     "xml entities": ("a.xml", xml(THREE, "&c;", BOMB), "declares XML entities"),
     "xml of others": ("a.xml", "<a><DB/></a>", "not a Velodyne calibration"),
     "xml no lasers": ("a.xml", xml(""), "holds no lasers"),
-    "xml tick": ("a.xml", xml(THREE, "<distLSB_>0.4</distLSB_>"), "distLSB_ is 0.004 m"),
+    "xml tick": ("a.xml", xml(THREE, "<distLSB_>0.4</distLSB_>"), "distance tick of 0.004 m"),
+    "xml tick in metres": ("a.xml", xml(THREE, "<distLSB_>20</distLSB_>"), "distLSB_ is 0.2 m"),
     "xml text": ("a.xml", xml(px(0, distCorrection_="x")), "laser 0: distCorrection_ is 'x'"),
     "xml nan": ("a.xml", xml(px(0, distCorrection_="nan")), "distCorrection_ is nan"),
     "xml signalling": ("a.xml", xml(px(0, distCorrection_="snan")), "distCorrection_ is 'snan'"),
@@ -213,6 +306,18 @@ BAD = {
     "csv fields": ("a.csv", csv_text("0,1,2"), "row 2: has 3 fields"),
     "csv value": ("a.csv", csv_text("0,,0,0,0,0"), "dl_m is ''"),
     "csv degrees": ("a.csv", csv_text("0,0,0,-24,0,0"), "Hint: .* degrees where"),
+    "json broken": ("a.json", "{", "is not JSON"),
+    "json deep": ("a.json", "[" * 100_000, "is not JSON"),
+    "json of others": ("a.json", "{}", "is JSON, but not a calibration"),
+    "json version": ("a.json", json_text(version=2), "version is 2 .*\nHint: Use the version"),
+    "json key": ("a.json", json_text(lazers=[]), "unknown: lazers"),
+    "json lasers": ("a.json", json_text(lasers={}), "lasers is of type dict"),
+    "json laser": ("a.json", json_text(lasers=[1]), "entry 0 of lasers: is of type int"),
+    "json dialect": ("a.json", json_text(dialect=None), "dialect is of type NoneType"),
+    "json value": ("a.json", json_text(lasers=[{"laser_id": 0, "dl_cm": 1}]), "unknown: dl_cm"),
+    "json missing": ("a.json", json_text(lasers=[{"laser_id": 0}]), "dl_m is missing"),
+    "json std": ("a.json", json_text(lasers=[{"laser_id": 0, "std": {"dl": 1}}]), "unknown: dl"),
+    "json covariance": ("a.json", json_text(lasers=[{"covariance": 1}]), "is of type int"),
     "csv few": ("a.csv", csv_text("0,0,0,0,0,0"), "holds 1 lasers"),
 }
 
@@ -229,7 +334,7 @@ def test_missing_file(tmp_path: Path) -> None:
         formats.read(tmp_path / "a.xml", N)
 
 
-@pytest.mark.parametrize("suffix", [".xml", ".yaml", ".csv"])
+@pytest.mark.parametrize("suffix", [".xml", ".yaml", ".csv", ".json"])
 def test_writers_refuse_what_cannot_be_read(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     with pytest.raises(CalibrationFileError, match="focal_slope of laser 1 is not finite"):

@@ -1,14 +1,23 @@
 """The command line as a user meets it."""
 
 import json
+import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from capture_helpers import as_bytes, record_list, spin, two_returns, write
 from closed_loop.chain import study_world
+from container_helpers import ethernet, ip_packet, pcap_of
 
-from velocal import schemas, storage
+from velocal import parameters, schemas, storage
+from velocal.calibration_files import formats
+from velocal.packets import view
+from velocal.sensors import SCANNERS
 from velocal.simulation import capture
+from velocal.simulation.status import encode_table, status_bytes, table_packets
+from velocal.status import TABLE_PACKETS
 
 
 def velocal(*arguments):
@@ -16,7 +25,12 @@ def velocal(*arguments):
         [sys.executable, "-m", "velocal.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
-        env={"PATH": "", "COLUMNS": "100", "NO_COLOR": "1"},
+        env={
+            "PATH": "",
+            "COLUMNS": "100",
+            "NO_COLOR": "1",
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
 
@@ -55,6 +69,9 @@ def test_decode(recording, tmp_path):
         (["decode", "{r}", "-o", "{t}/x.parquet", "--scanner", "HDL-64E"], "Hint: Correct"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "dusk"], "allowed: all, beginning"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "end"], "too few"),
+        (["decode", "{r}", "-o", "{t}/x.parquet", "--return", "first"], "allowed: both, strongest"),
+        (["decode", "{r}", "-o", "{t}/x.parquet", "--port", "9"], "no data packets to port 9"),
+        (["inspect", "{r}", "--address", "localhost"], "no IPv4 address"),
     ],
 )
 def test_wrong_calls(recording, tmp_path, arguments, message):
@@ -63,6 +80,85 @@ def test_wrong_calls(recording, tmp_path, arguments, message):
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def streaming(tmp_path_factory):
+    """Packets of an HDL-64E S2 that sends its calibration twice."""
+    number, factory = np.arange(2 * TABLE_PACKETS), parameters.nominal(SCANNERS["HDL-64E"])
+    payloads = spin(len(number), start=9, step=18, interval_us=288, paired=True)
+    stamps = view(payloads)["timestamp"].astype(np.int64)
+    table = table_packets(encode_table(factory))
+    view(payloads)["status"] = status_bytes(table, number, stamps, np.full(len(number), 46.0))
+    return write(tmp_path_factory.mktemp("stream"), record_list(payloads, 0))
+
+
+def test_inspect_tells_the_status(streaming):
+    told = " ".join(velocal("inspect", streaming).stdout.split())
+    for part in (
+        "temperature 46 deg C",
+        "firmware 4.07",
+        "GPS time 2014-06-12 09:00:05 (GPS: not connected, clock runs free)",
+        "calibration in stream complete, S2, 2 tables alike",
+    ):
+        assert part in told
+    facts = json.loads(velocal("inspect", "--json", streaming).stdout)
+    assert facts["calibration_in_stream"] is True
+    assert facts["status"]["unit"]["rpm"] == 600
+
+
+@pytest.mark.parametrize("suffix", ["xml", "yaml", "csv"])
+def test_calibration_from_recording(streaming, tmp_path, suffix):
+    out = tmp_path / f"factory.{suffix}"
+    done = velocal("calibration", "from-recording", streaming, "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "2 tables alike" in done.stdout
+    design, found = parameters.nominal(SCANNERS["HDL-64E"]), formats.read(out, 64)
+    np.testing.assert_allclose(found.v, design.v, atol=np.deg2rad(0.005) * (1 + 1e-9))
+    np.testing.assert_allclose(found.hoff, design.hoff, atol=1e-12)
+
+
+def test_no_calibration_in_the_recording(recording, tmp_path):
+    done = velocal("calibration", "from-recording", recording, "-o", tmp_path / "x.xml")
+    assert done.returncode == 1
+    assert "no usable calibration table" in done.stderr
+    assert "Hint:" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_several_scanners(tmp_path):
+    frames = [
+        ethernet(ip_packet(payload, port=port))
+        for pair in zip(as_bytes(spin(90)), as_bytes(two_returns(spin(90, seed=2))), strict=True)
+        for port, payload in zip((2368, 2370), pair, strict=True)
+    ]
+    path = write(tmp_path, pcap_of(frames), "two.pcap")
+    done = velocal("inspect", path)
+    assert done.returncode == 1
+    assert "two.pcap: holds data packets of 2 scanners" in done.stderr
+    assert "192.168.1.201:2368, 90 packets; 192.168.1.201:2370, 90 packets" in done.stderr
+    assert "Hint: Choose one by its port or its address (--port, --address)." in done.stderr
+    facts = json.loads(velocal("inspect", path, "--port", 2370, "--json").stdout)
+    assert facts["returns"] == "dual"
+    assert facts["ledger"]["senders"] == {"192.168.1.201:2368": 90, "192.168.1.201:2370": 90}
+    assert facts["ledger"]["unaccounted_bytes"] == 0
+
+
+def test_one_of_two_returns(tmp_path):
+    interval = round(1e6 / SCANNERS["HDL-32E"].dual_packet_rate_hz)
+    payloads = two_returns(spin(90, interval_us=interval, status=(0x39, 0x21)))
+    path = write(tmp_path, record_list(payloads, 0))
+    assert "dual" in velocal("inspect", path).stdout
+    columns = {}
+    for returns in ("both", "strongest", "last"):
+        out = tmp_path / f"{returns}.parquet"
+        done = velocal("decode", path, "-o", out, "--return", returns)
+        assert done.returncode == 0, done.stderr
+        columns[returns], _ = storage.read_table(out, schemas.RETURNS)
+    assert set(columns["both"]["return"]) == {1, 2}
+    assert set(columns["last"]["return"]) == {2}
+    assert len(columns["both"]["distance"]) == 2 * len(columns["last"]["distance"])
+    assert len(columns["strongest"]["distance"]) == 90 * 6 * 32
 
 
 def test_help_and_version():

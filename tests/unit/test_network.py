@@ -291,6 +291,18 @@ def test_approximate_values():
         found = resected_camera(value, CONTROL, where="x")
         np.testing.assert_allclose(found[0], place, atol=1e-9)
         np.testing.assert_allclose(found[1], rotation, atol=1e-9)
+    # Hardly off a plane, and noisy: the linear solution fails, the camera is found all the same.
+    rng = np.random.default_rng(0)
+    for place, rotation in zip(places, rotations, strict=True):
+        thin = CONTROL * [1.0, 0.02, 1.0]
+        value, _, _ = ray_equations(
+            thin, np.tile(place, (names, 1)), np.tile(rotation, (names, 1, 1))
+        )
+        value += rng.normal(0.0, 1e-3, value.shape)
+        found = resected_camera(value, thin, where="x")
+        np.testing.assert_allclose(found[0], place, atol=0.1)
+    with pytest.raises(SurveyError, match="do not fit"):
+        resected_camera(rng.normal(size=(7, 2)), CONTROL, where="x")
     for station in STATIONS.values():
         value, _, _ = sight_equations(CONTROL, np.tile(np.array(station), (names, 1)))
         place, zero = resected_setup(value, CONTROL, where="x")

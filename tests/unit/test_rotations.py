@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from capture_helpers import pcap, record_list, spin, write
+from capture_helpers import pcap, record_list, spin, two_returns, write
 
 from velocal import schemas, storage
 from velocal.errors import ConfigError, RecordingError
 from velocal.packets import decode, view
-from velocal.recording import framing, rotations
+from velocal.recording import framing, rotations, sequence
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.rotations import inspect
 from velocal.recording.windows import read_rotations, window_rotations
@@ -108,7 +108,8 @@ def test_the_clock_may_pass_the_hour(tmp_path):
 
 def test_the_clock_may_pass_several_hours(tmp_path, monkeypatch):
     """An hour of 20 packets: five passes, with chunks that end anywhere."""
-    monkeypatch.setattr(rotations, "HOUR_US", 20 * 553)
+    monkeypatch.setattr(sequence, "HOUR_US", 20 * 553)
+    monkeypatch.setattr(sequence, "BOUND", 4)
     monkeypatch.setattr(rotations, "CLOCK_PACKETS", 7)
     monkeypatch.setattr(framing, "CHUNK_BYTES", 5000)
     payloads = spin(N, stamp_us=0)
@@ -178,13 +179,15 @@ def test_progress_ends_with_the_file(tmp_path):
 
 def test_what_the_packets_say(tmp_path):
     payloads = spin(N, start=9 * 100, step=18, paired=True)
-    # The status types of an HDL-64E S2 take turns; 1 to 7 carry the calibration.
+    # The status types of an HDL-64E S2 take turns; 1 to 7 carry the calibration, cut short here.
     view(payloads)["status"][:, 0] = np.resize(np.frombuffer(b"HMSDNYGTV1234567", np.uint8), N)
     view(payloads)["status"][:, 1] = np.arange(N)
     found = inspect(recording(tmp_path, payloads))
     assert found.azimuth_multiple == 18
     assert found.block_counts == {"upper": 6 * N, "lower": 6 * N}
-    assert found.calibration_in_stream
+    assert found.status_types == "1234567DGHMNSTVY"
+    assert found.status.kind == "status"
+    assert not found.calibration_in_stream
     assert found.product is None
     other = inspect(recording(tmp_path, spin(N, status=(0x37, 0x22))))
     assert other.product == 0x22
@@ -337,29 +340,64 @@ def test_returns_of_two_firings_in_a_block(tmp_path):
 # -- which scanner -------------------------------------------------------------------------------
 
 
-def sent_by(name: str, folder, returns: int = 1, product: int = 0x21):
+def sent_by(name: str, folder, dual: bool = False, product: int | None = None):
     scanner = SCANNERS[name]
-    interval = round(1e6 / scanner.packet_rate_hz / returns)
-    payloads = spin(N, interval_us=interval, paired=scanner.paired, status=(0x37, product))
-    return inspect(recording(folder, payloads))
+    product = scanner.factory_byte or 0x21 if product is None else product
+    status = (0x39 if dual else 0x37, product)
+    rate = scanner.dual_packet_rate_hz if dual else scanner.packet_rate_hz
+    payloads = spin(N, interval_us=round(1e6 / rate), banks=len(scanner.flags), status=status)
+    return inspect(recording(folder, two_returns(payloads) if dual else payloads))
 
 
 @pytest.mark.parametrize("name", SCANNERS)
 def test_a_scanner_is_known_by_its_packets(name, tmp_path):
     inspection = sent_by(name, tmp_path)
-    assert candidates(inspection)[0].name == name
-    product = SCANNERS[name].factory_byte or 0x21
-    assert check_scanner(sent_by(name, tmp_path, product=product), SCANNERS[name], "sa1") == []
+    # An S3 sends what an S2 sends.
+    assert candidates(inspection)[0].name == name.removesuffix("-S3")
+    assert check_scanner(inspection, SCANNERS[name], "sa1") == []
+    assert not inspection.dual
 
 
-@pytest.mark.parametrize("name", ["HDL-32E", "VLP-16"])
-def test_dual_returns_double_the_packets(name, tmp_path):
-    assert candidates(sent_by(name, tmp_path, returns=2))[0].name == name
+DUAL = [name for name in SCANNERS if name != "HDL-64E-S1"]
+
+
+@pytest.mark.parametrize("name", DUAL)
+def test_dual_returns_are_seen(name, tmp_path):
+    inspection = sent_by(name, tmp_path, dual=True)
+    assert inspection.dual
+    assert candidates(inspection)[0].name == name.removesuffix("-S3")
+    assert check_scanner(inspection, SCANNERS[name], "sa1") == []
+    assert inspection.as_dict()["returns"] == "dual"
+
+
+def test_the_return_mode_may_be_wrong(tmp_path):
+    payloads = spin(N, status=(0x39, 0x21))
+    inspection = inspect(recording(tmp_path, payloads))
+    assert not inspection.dual
+    (remark,) = check_scanner(inspection, SCANNERS["HDL-32E"], "sa1")
+    assert "return mode is said to be dual" in remark
+
+
+def test_lost_packets_do_not_hide_the_firing_cycle(tmp_path):
+    """Half of the packets of an HDL-32E come as often as those of a VLP-16 would, nearly."""
+    payloads = spin(2 * N, interval_us=590)[::2]
+    inspection = inspect(recording(tmp_path, payloads))
+    (remark,) = check_scanner(inspection, SCANNERS["VLP-16"], "sa1")[1:]
+    assert "times what its rate and VLP-16 would give" in remark
 
 
 @pytest.mark.parametrize(
     ("sender", "stated"),
-    [("VLP-16", "HDL-32E"), ("HDL-32E", "VLP-16"), ("HDL-32E", "HDL-64E"), ("HDL-64E", "VLP-16")],
+    [
+        ("VLP-16", "HDL-32E"),
+        ("HDL-32E", "VLP-16"),
+        ("HDL-32E", "HDL-64E"),
+        ("HDL-64E", "VLP-16"),
+        ("VLS-128", "HDL-64E"),
+        ("VLP-32C", "HDL-32E"),
+        ("VLP-16-Hi-Res", "VLP-16"),
+        ("VLP-16", "VLP-16-Hi-Res"),
+    ],
 )
 def test_another_scanner_than_stated(sender, stated, tmp_path):
     inspection = sent_by(sender, tmp_path)
@@ -378,7 +416,7 @@ def test_no_scanner_known(tmp_path):
 
 
 def test_an_early_vlp16_calls_itself_hdl32e(tmp_path):
-    remarks = check_scanner(sent_by("VLP-16", tmp_path), SCANNERS["VLP-16"], "sa1")
+    remarks = check_scanner(sent_by("VLP-16", tmp_path, product=0x21), SCANNERS["VLP-16"], "sa1")
     assert len(remarks) == 1
     assert "0x21" in remarks[0]
     assert "0x22" in remarks[0]

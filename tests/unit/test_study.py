@@ -6,7 +6,8 @@ import pytest
 import yaml
 
 from velocal.errors import ConfigError
-from velocal.study import check, check_files, read_sheet, read_study, read_yaml
+from velocal.sheets import check, read_sheet, read_yaml
+from velocal.study import check_files, read_study
 
 
 @pytest.fixture
@@ -26,6 +27,23 @@ def test_the_study_is_sound(config, schemas):
     assert study.positions == {"P1": "HDL-64E", "P2": "HDL-64E", "P5": "HDL-32E", "P6": "HDL-32E"}
     assert study.surveyed["sa1"].windows == ("beginning", "middle", "end")
     check_files(study, "results/simulation", "config")
+
+
+def test_a_scanner_may_be_chosen_in_a_sheet(config, schemas, tmp_path):
+    rows = (schemas.parents[1] / config["samples"]).read_text().splitlines()
+    heading, *samples = [row for row in rows if row and not row.startswith("#")]
+    samples = [f"{row}\t\t" for row in samples]
+    samples[0] = samples[0].rstrip("\t") + "\t2369\t192.168.1.202"
+    samples[1] = samples[1].rstrip("\t") + "\t\t/left/velodyne_packets"
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text("\n".join([f"{heading}\tport\taddress", *samples]) + "\n")
+    surveyed = read_study(config | {"samples": str(sheet)}, schemas, "config").surveyed
+    chosen = [(sample.port, sample.address) for sample in surveyed.values()]
+    assert chosen[:2] == [(2369, "192.168.1.202"), (None, "/left/velodyne_packets")]
+    assert set(chosen[2:]) == {(None, None)}
+    sheet.write_text(sheet.read_text().replace("2369", "x"))
+    with pytest.raises(ConfigError, match="row 1: port"):
+        read_study(config | {"samples": str(sheet)}, schemas, "config")
 
 
 def changed(config, path, value):
@@ -57,6 +75,12 @@ def changed(config, path, value):
         (("methods", "other"), ["sa4"], "of a position that is calibrated on"),
         (("adjustment", "prior", "v_deg"), None, "adjustment.prior has no 'v_deg'"),
         (("tables", "7"), {}, "unknown key 'tables.7'"),
+        (("figures", "13", "samples"), ["sa9"], "figures.13: no sample 'sa9'"),
+        (("figures", "13", "data"), None, "'data' is a required property"),
+        (("figures", "11", "samples"), None, "'samples' is a required property"),
+        (("figures", "28", "sections"), None, "'sections' is a required property"),
+        (("figures", "28", "set"), "set9", "no parameter set 'set9' of 'HDL-64E'.*set1, set2"),
+        (("simulation",), None, "figures.28: one map of the simulated world's building"),
         (("survey",), None, "'survey' is missing"),
         (("samples",), "nowhere.tsv", "nowhere.tsv: cannot be read"),
     ],
@@ -94,6 +118,41 @@ def test_a_missing_recording_is_an_error_even_with_results(config, schemas, tmp_
     del small["tables"], small["figures"], small["methods"]
     with pytest.raises(ConfigError, match=r"recording of sample 'sa1': no file 'gone.bin'"):
         check_files(read_study(small, schemas, "config"), "results/simulation", "config")
+
+
+STREAMED = "a\tHDL-64E\tP1\tx.bin\tstream\nb\tHDL-64E\tP2\ty.bin\t{}\n"
+
+
+def streamed(config, tmp_path, rows):
+    sheet = tmp_path / "samples.tsv"
+    sheet.write_text(COLUMNS + rows)
+    small = changed(config, ("samples",), str(sheet))
+    small["parameter_sets"] = {"HDL-64E": {"set1": ["a", "b"]}}
+    del small["tables"], small["figures"], small["methods"]
+    return small
+
+
+def test_the_calibration_of_the_stream(config, schemas, tmp_path):
+    """The samples of a scanner share what the first of them holds; no rule's file is missed."""
+    small = streamed(config, tmp_path, STREAMED.format("stream"))
+    study = read_study(small, schemas, "config")
+    expected = "results/recordings/a/calibration.xml"
+    assert [sample.calibration for sample in study.surveyed.values()] == [expected] * 2
+    assert study.factories == {"HDL-64E": expected}
+    with pytest.raises(ConfigError, match=r"recording of sample 'a': no file"):
+        check_files(study, "results/simulation", "config")
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (STREAMED.format("nominal"), "name different calibration files"),
+        (STREAMED.format("stream").replace("64E", "32E"), "HDL-32E sends no calibration.*'stream'"),
+    ],
+)
+def test_faults_of_the_calibration_of_the_stream(config, schemas, tmp_path, rows, message):
+    with pytest.raises(ConfigError, match=message):
+        read_study(streamed(config, tmp_path, rows), schemas, "config")
 
 
 def test_two_scanners_at_one_position(config, schemas, tmp_path):

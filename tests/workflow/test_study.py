@@ -4,10 +4,16 @@ import hashlib
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from workflow.running import copy_project, snakemake
 from workflow.tiny import NEW_ROW, SECOND_POSITION, make_tiny
+
+from velocal.calibration_files import formats
+from velocal.simulation.truth import factory_parameters
+from velocal.simulation.world import load
 
 pytestmark = pytest.mark.workflow
 
@@ -67,6 +73,7 @@ def test_results_are_there(finished):
         "report.html",
         "tables/table_2.tex",
         "tables/table_5.md",
+        "figures/figure_11.png",
         "figures/figure_13.svg",
         "figures/figure_24.png",
         "figures/figure_18.csv",
@@ -148,6 +155,27 @@ def test_nothing_downstream_sees_the_truth(tmp_path):
     seen = {rule for rule, inputs in blocks if "world.yaml" in inputs}
     makers = {"simulate_recording", "simulate_outdoor", "simulate_factory", "simulate_survey"}
     assert seen == makers | {"coverage"}
+
+
+def test_a_study_starts_from_its_own_recording(tmp_path):
+    """`stream` in the sheet: no calibration file is handed over, none is planned to be made."""
+    folder = copy_project(tmp_path / "project")
+    make_tiny(folder)
+    sheet, config = folder / "config/samples.tsv", folder / "config/config.yaml"
+    sheet.write_text(sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "stream"))
+    # The table takes 4160 packets from where it begins: 24 rotations hold it for sure.
+    config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))
+    asked = "results/adjustment/sa3/beginning.csv"
+    rules = [rule for rule, _ in planned(folder, asked)]
+    assert rules.count("read_stream_calibration") == 1
+    assert "simulate_factory" not in rules
+    done = snakemake(folder, "--cores", "2", asked)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert pd.read_csv(folder / asked)["dl_std_m"].notna().all()
+    factory = formats.read(folder / "results/recordings/sa3/calibration.xml", 64)
+    world = load(yaml.safe_load((folder / "config/world.yaml").read_text()))
+    stated = factory_parameters(world, "HDL-64E")
+    assert np.abs(factory.dl - stated.dl).max() <= 0.5e-3 * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def make_tiny(folder: Path) -> None:
         "5": {"scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
     }
     config["figures"] = {
+        "11": {"kind": "plan", "scanner": "HDL-64E", "samples": ["sa3"]},
         "13": {"kind": "std", "scanner": "HDL-64E", "samples": ["sa3"], "data": "calibration"},
         "18": {
             "kind": "histogram", "scanner": "HDL-64E", "samples": ["sa3"],

@@ -5,7 +5,8 @@
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
 #                                                          rank and what is held, per laser
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
-#       {results}/parameter_sets/{scanner}/{set}.*         csv, ROS yaml and vendor's db.xml
+#       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
+#                                                          yaml and db.xml for drivers (`export`)
 #       {results}/parameter_sets/{scanner}/{set}.scatter.csv   means, plain and weighted; scatter of
 #                                                          the samples against what is stated
 
@@ -58,6 +59,7 @@ rule average_set:
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
+        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.json",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
@@ -68,6 +70,7 @@ rule average_set:
     params:
         windows=len(WINDOWS),
         weights=config.get("adjustment", {}).get("average", "equal"),
+        export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
         library=library("average_set"),
     script:
         "../../scripts/average_set.py"

@@ -3,6 +3,7 @@
 # in:   recording of a sample (any framing that `velocal inspect` knows)
 # out:  {results}/recordings/{sample}/ledger.json        what was used, what not and why
 #       {results}/recordings/{sample}/rotations.parquet  where every rotation begins
+#       {results}/recordings/{sample}/calibration.xml    where the sheet says `stream`
 #       {results}/returns/{sample}/{window}.parquet      returns of the window's rotations
 #       {results}/medians/{sample}/{window}.parquet      median per laser and angle cell
 #
@@ -21,9 +22,28 @@ rule index_recording:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
         library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
+
+
+rule read_stream_calibration:
+    input:
+        recording=lambda wildcards: sample_of(wildcards).recording,
+    output:
+        calibration=f"{RESULTS}/recordings/{{sample}}/calibration.xml",
+    log:
+        f"{RESULTS}/logs/read_stream_calibration/{{sample}}.log",
+    conda:
+        "../../environment.yml"
+    params:
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
+        library=library("read_stream_calibration"),
+    script:
+        "../../scripts/read_stream_calibration.py"
 
 
 rule decode_returns:
@@ -40,6 +60,9 @@ rule decode_returns:
         mem_mb=800,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
+        which=config["reduction"].get("return", "strongest"),
         length=config.get("windows", {}).get("rotations"),
         library=library("decode_returns"),
     script:

@@ -33,7 +33,7 @@ rule compare_with_paper:
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",
-        facts=[],
+        facts=[f"{RESULTS}/outdoor/facts.csv", f"{RESULTS}/map/summary.csv"],
     output:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.solvers import Solver, Step, System
+from velocal.adjustment.linear import Step, System
+from velocal.adjustment.solvers import Solver, steps
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ class Block:
         Its rows in the evaluations.
     step : Step or None
         Last linear solution; None for a block without rows.
-    basis : ndarray, shape (u, rank), or None
+    basis : ndarray, shape (u, k), or None
         Space of the corrections, decided by the first linearisation; without priors by each.
     scale : ndarray, shape (u,)
         Units of the corrections in which the length of a step is measured.
@@ -154,10 +155,13 @@ def iterate(
     while open_:
         deltas, systems = np.zeros_like(x), {}
         for number in open_:
-            block = blocks[number]
-            systems[number] = system = _system(here, block, prior_std, x[number] - start[number])
+            shift = x[number] - start[number]
+            systems[number] = solver.reduced(_system(here, blocks[number], prior_std, shift))
+        found = steps(solver, list(systems.values()), [blocks[number].basis for number in open_])
+        for number, step in zip(open_, found, strict=True):
+            block, system = blocks[number], systems[number]
             _rescale(block, system, x[number], free)
-            block.step = _restricted(solver, system, block, free)
+            block.step = _restricted(solver, system, block, step, free)
             # Were the space to change on the way, a direction at the limit could go back and
             # forth for ever. Without a prior none is held for good: a column may vanish at the
             # start only.
@@ -166,7 +170,7 @@ def iterate(
             deltas[number] = block.step.delta
         trial = x + deltas
         there = model(trial)
-        closed = []
+        closed, rejected = [], []
         with np.errstate(divide="ignore", invalid="ignore"):
             # Size of every step by that of its parameter; no size is no measure.
             largest = np.maximum(np.abs(x), np.where(np.isinf(prior_std), 0.0, prior_std))
@@ -206,6 +210,8 @@ def iterate(
                 block.radius *= GROW
             if accepted:
                 x[number] = trial[number]
+            else:
+                rejected.append(block.rows)
             if rounding and block.idle >= IDLE:
                 block.converged, block.message = True, "converged to rounding"
             elif block.radius < LAST_RADIUS * block.longest:
@@ -219,7 +225,7 @@ def iterate(
                 block.message = f"not converged after {block.iterations} linearisations"
             if block.message:
                 closed.append(number)
-        here = there if np.array_equal(trial, x) else model(x)
+        here = _mixed(there, here, rejected) if rejected else there
         open_ = [number for number in open_ if number not in closed]
     for number, block in enumerate(blocks):
         if sizes[number]:
@@ -234,6 +240,15 @@ def _system(evaluation: Evaluation, block: Block, prior_std: Array, shift: Array
     return System(
         evaluation.matrix[rows], evaluation.w[rows], evaluation.row_std[rows], prior_std, shift
     )
+
+
+def _mixed(there: Evaluation, here: Evaluation, blocks: Sequence[slice]) -> Evaluation:
+    """`there`, but `here` in some blocks."""
+    mixed = Evaluation(there.w.copy(), there.matrix.copy(), there.row_std.copy())
+    for rows in blocks:
+        mixed.w[rows], mixed.matrix[rows] = here.w[rows], here.matrix[rows]
+        mixed.row_std[rows] = here.row_std[rows]
+    return mixed
 
 
 def _moved(system: System, delta: Array) -> System:
@@ -257,9 +272,8 @@ def _length(step: Step, block: Block) -> float:
     return float(np.linalg.norm(step.delta / block.scale))
 
 
-def _restricted(solver: Solver, system: System, block: Block, free: bool) -> Step:
-    """Solve the linearised system; damped where the step would leave the trust region."""
-    step = solver.step(system, block.basis)
+def _restricted(solver: Solver, system: System, block: Block, step: Step, free: bool) -> Step:
+    """Return a step, or a damped one of the same system where it leaves the trust region."""
     block.plain = _length(step, block) <= block.radius * (1.0 + NEAR_RADIUS)
     if block.plain:
         return step

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class Observations:
         """`station`, zeros where it is None."""
         return np.zeros(len(self.phi), dtype=np.int64) if self.station is None else self.station
 
-    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Observations:
+    def take(self, rows: slice | NDArray[np.integer] | NDArray[np.bool_]) -> Observations:
         """Some of the observations."""
         return Observations(
             self.distance_m[rows],
@@ -150,28 +150,38 @@ def adjust_all(
     # Rows of a laser together, in the order of the angle, so that everything below is a slice.
     order = np.lexsort((observations.phi, observations.laser_id))
     data = observations.take(order)
+    data = replace(data, normal=np.asfortranarray(data.normal))
     columns = [ADJUSTABLE.index(name) for name in names]
     by_alpha = ADJUSTABLE.index("alpha")
     prior_std = np.array([stochastic.prior_std[name] for name in names])
 
     sizes = np.bincount(data.laser_id, minlength=len(initial))
+    ends = np.cumsum(sizes)
+    # One number for all rows: parameters of the laser are then numbers as well.
+    of_laser = [
+        replace(data.take(slice(end - size, end)), laser_id=np.asarray(laser))
+        for laser, (end, size) in enumerate(zip(ends, sizes, strict=True))
+    ]
+    n = len(order)
+    spare = [Evaluation(np.empty(n), np.empty((len(names), n)).T, np.empty(n)) for _ in range(2)]
     kept: list[tuple[Array, Evaluation]] = []
-
-    def evaluate(data: Observations, x: Array) -> Evaluation:
-        s, matrix = data.design(*split(x, names, initial))
-        return Evaluation(s, matrix[:, columns], stochastic.row_std(matrix[:, by_alpha]))
 
     def model(x: Array) -> Evaluation:
         """Evaluate anew only the lasers whose parameters have changed since the last time."""
         changed = np.any(x != kept[0][0], axis=1) if kept else np.ones(len(x), dtype=bool)
-        if changed[sizes > 0].all():
-            found = evaluate(data, x)
-        else:
-            rows, last = np.flatnonzero(np.repeat(changed, sizes)), kept[0][1]
-            part = evaluate(data.take(rows), x)
-            found = Evaluation(last.w.copy(), last.matrix.copy(), last.row_std.copy())
-            found.w[rows], found.row_std[rows] = part.w, part.row_std
-            found.matrix[rows] = part.matrix
+        # Into the evaluation before the last: the last is in use. Fresh memory costs more time
+        # than what is computed into it.
+        adjusted, found = split(x, names, initial), spare.pop()
+        if not changed.all():
+            last = kept[0][1]
+            found.w[:], found.matrix[:], found.row_std[:] = last.w, last.matrix, last.row_std
+        # Arrays of one laser stay in the cache of the processor, those of all do not.
+        for laser in np.flatnonzero(changed & (sizes > 0)):
+            rows = slice(ends[laser] - sizes[laser], ends[laser])
+            found.w[rows], design = of_laser[laser].design(*adjusted)
+            found.matrix.T[:, rows] = design.T[columns]
+            found.row_std[rows] = stochastic.row_std(design[:, by_alpha])
+        spare.extend(evaluation for _, evaluation in kept)
         kept[:] = [(x.copy(), found)]
         return found
 
@@ -185,10 +195,12 @@ def adjust_all(
         tolerance=tolerance,
     )
     parameters, scale = split(x, names, initial)
-    direction, origin = laser_beams(data.phi, data.laser_id, parameters)
-    length = data._scaled(scale) + parameters.dl[data.laser_id] - final.w
-    point = origin + length[:, None] * direction
-    towards = np.einsum("ni,ni->n", direction, data.normal)
+    point, towards = np.empty((3, n)).T, np.empty(n)
+    for own, block in zip(of_laser, blocks, strict=True):
+        direction, origin = laser_beams(own.phi, data.laser_id[block.rows], parameters)
+        length = own._scaled(scale) + parameters.dl[own.laser_id] - final.w[block.rows]
+        point[block.rows] = origin + length[:, None] * direction
+        towards[block.rows] = np.einsum("ni,ni->n", direction, own.normal)
     by = nuisance.derivatives(
         stochastic,
         point=point,
@@ -277,7 +289,7 @@ def _quality(
         held=held,
         open_combinations=combinations,
         condition=quality.condition(step),
-        singular_values=step.singular_values,
+        singular_values=step.singular_values[step.singular_values > 0.0],
         residuals=residuals,
         redundancy_numbers=1.0 - step.leverage,
         variance=float(residuals @ residuals) / redundancy if redundancy > 0 else float("nan"),

@@ -40,31 +40,31 @@ def by_pose(point: Array, normal: Array, towards: Array, translation: Array) -> 
     The plane moves with the pose: dn = w x n, dd = -(w x n) . t - n . dt, and
     ds = (Q . dn + dd) / (n . u) with Q on the plane.
     """
-    arm = (point - translation).T
-    n = normal.T
-    turned = [
-        n[1] * arm[2] - n[2] * arm[1],
-        n[2] * arm[0] - n[0] * arm[2],
-        n[0] * arm[1] - n[1] * arm[0],
-    ]
-    return np.stack([*turned, *-n], axis=1) / towards[:, None]
+    x, y, z = (point - translation).T
+    n_x, n_y, n_z = normal.T
+    found = np.empty((6, len(point)))
+    found[0], found[1], found[2] = n_y * z - n_z * y, n_z * x - n_x * z, n_x * y - n_y * x
+    found[3:] = -normal.T
+    found /= towards
+    return found.T
 
 
 def by_plane(point: Array, towards: Array) -> Array:
     """Derivatives by normal and offset of the plane, shape (n, 4)."""
-    return np.column_stack([point, np.ones(len(point))]) / towards[:, None]
+    found = np.empty((4, len(point)))
+    found[:3], found[3] = point.T, 1.0
+    found /= towards
+    return found.T
 
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Derivatives of misclosures by what is not adjusted.
+    """Derivatives of misclosures by what is not adjusted, and what others follow from.
 
     Attributes
     ----------
-    pose : ndarray, shape (n, 6)
-        See `by_pose`.
-    plane : ndarray, shape (n, 4)
-        See `by_plane`.
+    point, normal, towards : ndarray
+        Of every row; see `by_pose` and `by_plane`.
     offset : ndarray, shape (n,)
         By a deviation of the surface from its plane, times its standard deviation.
     stretch : ndarray, shape (n,)
@@ -75,8 +75,9 @@ class Derivatives:
         Station of every row, and its plane among those of the station.
     """
 
-    pose: Array
-    plane: Array
+    point: Array
+    normal: Array
+    towards: Array
     offset: Array
     stretch: Array
     cell: NDArray[np.int64]
@@ -114,15 +115,13 @@ def derivatives(
         Station of every row, and its plane among those of the station.
     """
     n, flatness = len(point), np.zeros(len(point))
-    translation: Array = np.zeros(3)
-    if stochastic.survey:
-        translation = np.stack([survey.translation for survey in stochastic.survey])[station]
-        for index, survey in enumerate(stochastic.survey):
-            own = station == index
-            flatness[own] = survey.flatness_m[plane[own]]
+    for index, survey in enumerate(stochastic.survey):
+        own = station == index
+        flatness[own] = survey.flatness_m[plane[own]]
     # Pieces of the trace of a laser on a plane.
     path = np.zeros(n)
-    path[1:] = np.cumsum(np.sqrt(np.sum(np.diff(point, axis=0) ** 2, axis=1)))
+    along = np.diff(point.T)
+    np.cumsum(np.sqrt(np.einsum("in,in->n", along, along)), out=path[1:])
     changes = np.zeros(n, dtype=bool)
     for key in (laser_id, station, plane, (path / FLATNESS_LENGTH_M).astype(np.int64)):
         changes[1:] |= key[1:] != key[:-1]
@@ -137,8 +136,9 @@ def derivatives(
         within = np.bincount(cell, rows[piece]) / np.bincount(cell) ** 2
         flatness *= np.sqrt(1.0 - within)[cell]
     return Derivatives(
-        by_pose(point, normal, towards, translation),
-        by_plane(point, towards),
+        point,
+        normal,
+        towards,
         flatness / towards,
         distance_m,
         cell,
@@ -163,24 +163,36 @@ def contributions(
     scale_adjusted : bool
         Whether the range scale is a parameter, and so no nuisance.
     """
-    u = len(gain)
-    pose, planes, shifted = np.zeros((3, u, u))
-    stations = range(int(by.station.max()) + 1)
-    of_station = [gain * (by.station == number) for number in stations]
-    for number, survey in zip(stations, stochastic.survey, strict=False):
-        moved = of_station[number] @ by.pose
+    u, known, stations = len(gain), stochastic.survey, int(by.station.max()) + 1
+    pose, bent = np.zeros((2, u, u))
+    translation: Array = np.zeros(3)
+    if known:
+        translation = np.stack([survey.translation for survey in known])[by.station]
+    derivatives = np.vstack(
+        [
+            by_pose(by.point, by.normal, by.towards, translation).T,
+            by_plane(by.point, by.towards).T,
+            by.stretch,
+            np.ones(len(by.cell)),
+        ]
+    ).T
+    # Answer by station and plane to all of them at once; what follows is small.
+    planes = int(by.number.max()) + 1
+    group = by.station * planes + by.number
+    masked = gain * (group == np.arange(stations * planes)[:, None, None])
+    answer = (masked.reshape(-1, len(group)) @ derivatives).reshape(stations, planes, u, -1)
+    for own, survey in zip(answer, known, strict=False):
+        moved = own[..., :6].sum(axis=0)
         pose += moved @ survey.pose @ moved.T
-        for index, covariance in enumerate(survey.planes):
-            bent = (of_station[number] * (by.number == index)) @ by.plane
-            planes += bent @ covariance @ bent.T
+        for part, covariance in zip(own, survey.planes, strict=False):
+            bent += part[:, 6:10] @ covariance @ part[:, 6:10].T
     yield "pose", pose
-    yield "planes", planes
-    uneven = np.add.reduceat(gain * by.offset, np.flatnonzero(np.diff(by.cell, prepend=-1)), axis=1)
+    yield "planes", bent
+    first = np.flatnonzero(np.diff(by.cell, prepend=-1))
+    uneven = np.add.reduceat(gain * by.offset, first, axis=1)
     yield "flatness", uneven @ uneven.T
     if not scale_adjusted:
-        stretched = gain @ by.stretch * stochastic.range_scale
+        stretched = answer[..., 10].sum(axis=(0, 1)) * stochastic.range_scale
         yield "range_scale", np.outer(stretched, stretched)
-    for own in of_station:
-        moved = own.sum(axis=1) * stochastic.repeatability_m
-        shifted += np.outer(moved, moved)
-    yield "repeatability", shifted
+    shifted = answer[..., 11].sum(axis=1) * stochastic.repeatability_m
+    yield "repeatability", shifted.T @ shifted

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtr
 
-from velocal.adjustment.solvers import Step
+from velocal.adjustment.linear import Step
 
 Array = NDArray[np.float64]
 
@@ -68,23 +68,28 @@ def block_covariance(
     start = np.flatnonzero(np.diff(block[order], prepend=-1))
     gain = step.gain[:, order]
     scaled = gain * row_std[order]
-    sums = np.concatenate(
-        [
-            gain * residuals[order],
-            (gain[:, None] * matrix[order].T).reshape(u * u, -1),
-            (scaled[:, None] * scaled).reshape(u * u, -1),
-        ]
-    )
-    sums = np.add.reduceat(sums, start, axis=1)
-    score, k, s = sums[:u], sums[u : u + u * u], sums[u + u * u :]
-    k, s = k.reshape(u, u, -1), s.reshape(u, u, -1)
+    columns = matrix[order].T
+
+    def sums(values: Array) -> Array:
+        """Over every block; row by row, as products of all rows would not stay in the cache."""
+        return np.asarray(np.add.reduceat(values, start))
+
+    score = np.stack([sums(row) for row in gain * residuals[order]])
+    k = np.stack([[sums(row * column) for column in columns] for row in gain])
+    s = np.empty(k.shape)
+    for i, j in zip(*np.tril_indices(u), strict=True):
+        s[i, j] = s[j, i] = sums(scaled[i] * scaled[j])
     whole = s.sum(axis=2)
-    # Row j of what the errors of block h do to the score of block g, shape (u, blocks, blocks).
-    by_row = k.transpose(0, 2, 1)
-    cross = by_row @ s.transpose(1, 0, 2)
-    spread = by_row @ whole @ by_row.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1)
-    expected = np.einsum("jjg->jg", s) + np.einsum("jgg->jg", spread)
-    np.einsum("jgg->jg", spread)[:] = expected
+    # What the errors of block h do to the score of block g in parameter j is, but for S_g, the
+    # element (g, h) of F' M F: of low rank, so that no matrix of all pairs of blocks is needed.
+    f = np.concatenate([k, s], axis=1)
+    middle = np.zeros((2 * u, 2 * u))
+    middle[:u, :u], middle[:u, u:], middle[u:, :u] = whole, -np.eye(u), -np.eye(u)
+    turned = middle @ f
+    alone = np.einsum("jag,jag->jg", turned, f)
+    pairs = turned @ f.transpose(0, 2, 1)
+    expected = np.einsum("jjg->jg", s) + alone
+    spread = np.einsum("jab,jba->j", pairs, pairs) + np.sum(expected**2 - alone**2, axis=1)
     total, variance = expected.sum(axis=1), np.diag(whole)
     shown = total > LEAST_SHOWN * variance
     safe = np.where(shown, total, 1.0)
@@ -94,7 +99,7 @@ def block_covariance(
         factor = np.sum((residuals / row_std) ** 2) / max(len(residuals) - step.rank, 1)
         rows = np.diff(start, append=len(block)).max()
         covariance += np.diag(np.where(shown, 0.0, factor * rows * variance))
-    freedom = np.where(shown, safe**2 / np.maximum(np.sum(spread**2, axis=(1, 2)), 1e-300), 1.0)
+    freedom = np.where(shown, safe**2 / np.maximum(spread, 1e-300), 1.0)
     return NEIGHBOURS * covariance, np.maximum(freedom, 1.0)
 
 
@@ -123,8 +128,8 @@ def open_combinations(names: Sequence[str], step: Step) -> tuple[str, ...]:
 
 def condition(step: Step) -> float:
     """Ratio of the largest to the smallest singular value of the scaled design matrix."""
-    largest, smallest = step.singular_values.max(), step.singular_values.min()
-    return float(largest / smallest) if smallest > 0 else float("inf")
+    used = step.singular_values[step.singular_values > 0.0]
+    return float(used.max() / used.min()) if len(used) else float("inf")
 
 
 def variance_factor_test(variance_factor: float, redundancy: int) -> float:

@@ -6,78 +6,16 @@ decomposition. `Step` holds what later parts need of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.adjustment.linear import Step, System, across, decomposed, rotated
+
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class System:
-    """A functional model linearised at the current parameters.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (n, u)
-        Design matrix A.
-    w : ndarray, shape (n,)
-        Misclosures.
-    row_std : ndarray, shape (n,)
-        A-priori standard deviation of every misclosure.
-    prior_std : ndarray, shape (u,)
-        A-priori standard deviation of the corrections; infinite for none.
-    shift : ndarray, shape (u,)
-        Current minus initial parameters.
-    """
-
-    matrix: Array
-    w: Array
-    row_std: Array
-    prior_std: Array
-    shift: Array
-
-
-@dataclass(frozen=True)
-class Step:
-    """Solution of a linearised system.
-
-    Attributes
-    ----------
-    delta : ndarray, shape (u,)
-        Corrections of the current parameters.
-    gain : ndarray, shape (u, n)
-        How the parameters answer to the misclosures: errors e of w move them by ``-gain @ e``.
-    cofactor : ndarray, shape (u, u)
-        Covariance of the parameters for misclosures of covariance diag(row_std^2), or of unit
-        variance for solvers that weight all rows alike.
-    prior_part : ndarray, shape (u, u)
-        Covariance that the prior, and what is held, leave; zero without.
-    estimable : ndarray, shape (u, u)
-        Projector on the estimable space, in units of the column scale.
-    basis : ndarray, shape (u, rank)
-        Space of the corrections, in their units.
-    singular_values : ndarray
-        Of the scaled matrix.
-    leverage : ndarray, shape (n,)
-        Diagonal of the hat matrix; one minus it are the redundancy numbers.
-    """
-
-    delta: Array
-    gain: Array
-    cofactor: Array
-    prior_part: Array
-    estimable: Array
-    basis: Array
-    singular_values: Array
-    leverage: Array
-
-    @property
-    def rank(self) -> int:
-        """Number of combinations of parameters that the data determine."""
-        return int(np.rint(np.trace(self.estimable)))
 
 
 class Solver(Protocol):
@@ -89,7 +27,7 @@ class Solver(Protocol):
         Parameters
         ----------
         system : System
-        basis : ndarray, shape (u, rank), or None
+        basis : ndarray, shape (u, k), or None
             Space of the corrections that an earlier linearisation decided on; None to decide.
         damping : float
             Levenberg-Marquardt damping in units of the largest singular value; 0 for none.
@@ -100,60 +38,53 @@ class Solver(Protocol):
         """What the solver minimises, at the current parameters."""
         ...
 
+    def reduced(self, system: System) -> System:
+        """Return a system of u + 1 rows of the same solution and objective; itself if none is."""
+        ...
 
-def _decomposed(
-    system: System,
-    row_weight: Array,
-    scale: Array,
-    floor: float,
-    basis: Array | None,
-    damping: float,
-) -> Step:
-    """Least-squares solution by singular values, in the space of `basis` where that is given.
 
-    Without a basis the directions are found whose singular values exceed `floor` (and machine
-    precision); these are the basis.
+def steps(solver: Solver, systems: Sequence[System], bases: Sequence[Array | None]) -> list[Step]:
+    """Solve several linearised systems, at once if they are reduced.
+
+    Parameters
+    ----------
+    solver : Solver
+    systems : sequence of System
+    bases : sequence
+        Of each; see `Solver.step`. None is for all of them.
     """
-    weighted = system.matrix * row_weight[:, None]
-    if basis is None:
-        _, singular, right = np.linalg.svd(weighted * scale, full_matrices=False)
-        eps = singular.max(initial=0.0) * max(weighted.shape) * np.finfo(float).eps
-        basis = scale[:, None] * right[singular > max(eps, floor)].T
-    left, singular, right = np.linalg.svd(weighted @ basis, full_matrices=False)
-    # A direction of a given basis may have become empty.
-    kept = singular > singular.max(initial=0.0) * np.finfo(float).eps ** 2
-    left, singular, right = left[:, kept], singular[kept], right[kept]
-    root = basis @ (right.T / singular)
-    gain = (root @ left.T) * row_weight
-    if damping > 0.0:
-        filtered = singular**2 / (singular**2 + (damping * singular.max(initial=0.0)) ** 2)
-        delta = -(root * filtered) @ (left.T @ (row_weight * system.w))
-    else:
-        delta = -(gain @ system.w)
-    u = len(scale)
-    prior_part, estimable = np.zeros((u, u)), np.eye(u)
-    if basis.shape[1] < u:
-        # What is not determined keeps its prior error, and what is shares it: (I - G A) of it.
-        known = np.where(np.isfinite(system.prior_std), system.prior_std, 0.0)
-        left_over = (estimable - gain @ system.matrix) * known
-        prior_part = left_over @ left_over.T
-        orthonormal = np.linalg.qr(basis / scale[:, None])[0]
-        estimable = orthonormal @ orthonormal.T
-    return Step(
-        delta=delta,
-        gain=gain,
-        cofactor=root @ root.T,
-        prior_part=prior_part,
-        estimable=estimable,
-        basis=basis,
-        singular_values=singular,
-        leverage=np.asarray((left**2).sum(axis=1)),
+    first = systems[0]
+    if first.size is None:
+        return [solver.step(*each) for each in zip(systems, bases, strict=True)]
+    stack = System(
+        np.stack([system.matrix for system in systems]),
+        np.stack([system.w for system in systems]),
+        np.stack([system.row_std for system in systems]),
+        first.prior_std,
+        np.stack([system.shift for system in systems]),
+        np.array([system.size for system in systems]),
     )
+    given = [basis for basis in bases if basis is not None]
+    found = solver.step(stack, np.stack(given) if given else None)
+    return [
+        Step(*parts)
+        for parts in zip(*(getattr(found, field.name) for field in fields(Step)), strict=True)
+    ]
 
 
 def _column_scale(matrix: Array) -> Array:
-    norm = np.sqrt((matrix**2).sum(axis=0))
+    norm = np.sqrt((matrix**2).sum(axis=-2))
     return np.where(norm > 0, 1.0 / np.where(norm > 0, norm, 1.0), 1.0)
+
+
+def _alike(row_std: Array) -> Array:
+    """One standard deviation that stands for all, where rows are weighted alike."""
+    return np.asarray(np.sqrt(np.mean(row_std**2, axis=-1)))
+
+
+def _squares(system: System) -> float:
+    weighted = system.w / system.row_std
+    return float(weighted @ weighted)
 
 
 def _refined(step: Step, system: System) -> Array:
@@ -177,12 +108,16 @@ class OrdinaryLeastSquares:
     def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
         """Solve one linearised system; see `Solver.step`."""
         ones = np.ones(len(system.w))
-        step = _decomposed(system, ones, _column_scale(system.matrix), 0.0, basis, damping)
+        step = decomposed(system, ones, _column_scale(system.matrix), 0.0, basis, damping)
         return step if damping > 0.0 else replace(step, delta=_refined(step, system))
 
     def objective(self, system: System) -> float:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
+
+    def reduced(self, system: System) -> System:
+        """Return the system: corrections are refined with all its rows."""
+        return system
 
 
 @dataclass(frozen=True)
@@ -204,14 +139,18 @@ class GaussHelmert:
     def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
         """Solve one linearised system; see `Solver.step`."""
         if self.truncate_at is None:
-            scale, floor = _column_scale(system.matrix / system.row_std[:, None]), 0.0
+            scale, floor = _column_scale(system.matrix / system.row_std[..., None]), 0.0
         else:
             scale, floor = system.prior_std, 1.0 / self.truncate_at
-        return _decomposed(system, 1.0 / system.row_std, scale, floor, basis, damping)
+        return decomposed(system, 1.0 / system.row_std, scale, floor, basis, damping)
 
     def objective(self, system: System) -> float:
         """Weighted sum of squared misclosures."""
-        return float(np.sum((system.w / system.row_std) ** 2))
+        return _squares(system)
+
+    def reduced(self, system: System) -> System:
+        """See `Solver.reduced`."""
+        return rotated(system, 1.0 / system.row_std, 1.0)
 
 
 @dataclass(frozen=True)
@@ -234,16 +173,17 @@ class PaperModel:
 
     def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
         """Solve one linearised system; see `Solver.step`."""
-        floor = 0.0
-        if self.truncate_at is not None:
-            # Rows are alike here: one standard deviation stands for all.
-            floor = float(np.sqrt(np.mean(system.row_std**2))) / self.truncate_at
-        ones = np.ones(len(system.w))
-        return _decomposed(system, ones, system.prior_std, floor, basis, damping)
+        floor = 0.0 if self.truncate_at is None else _alike(system.row_std) / self.truncate_at
+        ones = np.ones(system.w.shape)
+        return decomposed(system, ones, system.prior_std, floor, basis, damping)
 
     def objective(self, system: System) -> float:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
+
+    def reduced(self, system: System) -> System:
+        """See `Solver.reduced`."""
+        return rotated(system, 1.0, float(_alike(system.row_std)))
 
 
 @dataclass(frozen=True)
@@ -284,6 +224,10 @@ class PaperLiteral:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
 
+    def reduced(self, system: System) -> System:
+        """Return the system: this is the form with all its rows."""
+        return system
+
 
 @dataclass(frozen=True)
 class WithPrior:
@@ -295,32 +239,39 @@ class WithPrior:
 
     def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
         """Solve one linearised system; see `Solver.step`."""
-        n, u = system.matrix.shape
+        n, u = system.matrix.shape[-2:]
+        alike = np.broadcast_to(np.eye(u), (*system.shift.shape, u))
         augmented = System(
-            np.vstack([system.matrix, np.eye(u)]),
-            np.concatenate([system.w, system.shift]),
-            np.concatenate([system.row_std, system.prior_std]),
+            np.concatenate([system.matrix, alike], axis=-2),
+            np.concatenate([system.w, system.shift], axis=-1),
+            np.concatenate(
+                [system.row_std, np.broadcast_to(system.prior_std, system.shift.shape)], axis=-1
+            ),
             system.prior_std,
             system.shift,
         )
-        everything = np.diag(system.prior_std)
-        step = _decomposed(
+        everything = np.broadcast_to(np.diag(system.prior_std), alike.shape)
+        step = decomposed(
             augmented, 1.0 / augmented.row_std, system.prior_std, 0.0, everything, damping
         )
-        gain, prior_gain = step.gain[:, :n], step.gain[:, n:]
-        prior_part = (prior_gain * system.prior_std) @ (prior_gain * system.prior_std).T
+        gain, prior_gain = step.gain[..., :n], step.gain[..., n:]
+        of_prior = prior_gain * system.prior_std
+        prior_part = of_prior @ across(of_prior)
         # Shares of the information: identity where the data say all, zero where the prior does.
-        estimable = np.eye(u) - prior_gain * system.prior_std / system.prior_std[:, None]
+        estimable = alike - of_prior / system.prior_std[:, None]
         return replace(
             step,
             gain=gain,
             cofactor=step.cofactor - prior_part,
             prior_part=prior_part,
             estimable=estimable,
-            leverage=step.leverage[:n],
+            leverage=step.leverage[..., :n],
         )
 
     def objective(self, system: System) -> float:
         """Weighted sum of squared misclosures and corrections."""
-        rows = np.sum((system.w / system.row_std) ** 2)
-        return float(rows + np.sum((system.shift / system.prior_std) ** 2))
+        return _squares(system) + float(np.sum((system.shift / system.prior_std) ** 2))
+
+    def reduced(self, system: System) -> System:
+        """See `Solver.reduced`."""
+        return rotated(system, 1.0 / system.row_std, 1.0)

@@ -1,1 +1,1 @@
-"""Readers and writers of calibration files: Velodyne's XML, the YAML of ROS, and our own CSV."""
+"""Readers, writers and linter of calibration files: db.xml, YAML, and our own CSV and JSON."""

@@ -6,7 +6,8 @@ lasers exist, the others are filled with zeros.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError
@@ -23,15 +24,15 @@ from velocal.calibration_files.decimals import (
     number,
     text,
 )
+from velocal.calibration_files.lasers import Calibration, Document
 from velocal.errors import CalibrationFileError
-from velocal.parameters import ParameterSet
-from velocal.sensors import DISTANCE_TICK_M
+from velocal.parameters import NEAR_POINT, TWO_POINT
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 #: Tags of one laser in the order of the archive, which boost relies on.
-TAGS: lasers.Keys = {
+TAGS = {
     "alpha": ("rotCorrection_", RADIANS_PER_DEGREE),
     "v": ("vertCorrection_", RADIANS_PER_DEGREE),
     "dl": ("distCorrection_", METRES_PER_CENTIMETRE),
@@ -44,36 +45,55 @@ TAGS: lasers.Keys = {
 }
 #: Lists that stand outside the lasers' items.
 INTENSITIES = {"min_intensity": "minIntensity_", "max_intensity": "maxIntensity_"}
+KEYS: lasers.Keys = TAGS | {name: (tag, UNCHANGED) for name, tag in INTENSITIES.items()}
+#: The comment in which files of this project say which point formula their numbers belong to.
+DIALECT = re.compile(rb"<!-- velocal: for the point formula of (\w+) -->")
 #: Known misspellings of tags (VLS-128 files).
 MISSPELT = {"horizOffsetCorection_": "horizOffsetCorrection_"}
 #: Lists are never shorter.
 N_ITEMS = 64
 
 
-def read(path: Path, n_lasers: int) -> ParameterSet:
-    """Read a calibration.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int
-        Number of lasers of the scanner.
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is not a calibration, or not of a scanner with so many lasers.
-    """
-    database = _database(path)
-    tick_cm = database.findtext("distLSB_")
-    if tick_cm is not None:
-        tick_m = number(tick_cm, "distLSB_", str(path), METRES_PER_CENTIMETRE)
-        lasers.check_tick(tick_m, "distLSB_", path)
-    return lasers.parameter_set(path, _lasers(database, path, n_lasers), n_lasers)
-
-
-def _database(path: Path) -> Element:
+def parse(path: Path) -> Document:
+    """Take the file apart; lasers that are not enabled, or only fill the lists up, are left out."""
     data = lasers.content(path)
+    database = _database(data, path)
+    enabled = [number(item, "enabled_", str(path)) for item in _list(database, "enabled_")]
+    intensities = {tag: _list(database, tag) for tag in INTENSITIES.values()}
+    found = []
+    for index, px in enumerate(database.iterfind("points_/item/px")):
+        entry: dict[str, object] = {MISSPELT.get(c.tag, c.tag): c.text for c in px}
+        place = f"item {index}"
+        try:
+            laser = lasers.laser_id(entry.get("id_"), "id_", place)
+        except CalibrationFileError:  # judged later
+            laser = index
+        if laser < len(enabled) and not enabled[laser]:
+            continue
+        entry |= {tag: items[laser] for tag, items in intensities.items() if laser < len(items)}
+        found.append((place, entry))
+    if not enabled:  # fillers are known by their place behind the last laser, and by their zeros
+        while found and _is_filler(found[-1][1]):
+            found.pop()
+    stated = DIALECT.search(data[-300:])
+    return Document(
+        path,
+        KEYS,
+        "id_",
+        found,
+        tick=("distLSB_", database.findtext("distLSB_"), METRES_PER_CENTIMETRE),
+        dialect=stated[1].decode() if stated else None,
+        angle_hint=None,
+        listed={tag: len(items) for tag, items in intensities.items() if items}
+        | ({"enabled_": len(enabled)} if enabled else {}),
+    )
+
+
+def _is_filler(entry: Mapping[str, object]) -> bool:
+    return all(re.fullmatch(r"-?0*\.?0*", str(entry.get(tag) or 0)) for tag, _ in TAGS.values())
+
+
+def _database(data: bytes, path: Path) -> Element:
     try:
         # Its DTD is only a name; defusedxml refuses the entities that make a DTD dangerous.
         root = fromstring(data, forbid_dtd=False)
@@ -93,41 +113,23 @@ def _database(path: Path) -> Element:
     return database
 
 
-def _lasers(database: Element, path: Path, n_lasers: int) -> Iterator[tuple[int, dict[str, float]]]:
-    enabled = _list(database, "enabled_", path)
-    intensities = {name: _list(database, tag, path) for name, tag in INTENSITIES.items()}
-    for index, px in enumerate(database.iterfind("points_/item/px")):
-        found = {MISSPELT.get(child.tag, child.tag): child.text for child in px}
-        laser = lasers.laser_id(found.get("id_"), "id_", f"{path}, item {index}")
-        values = lasers.values(found, TAGS, f"{path}, laser {laser}")
-        if laser < len(enabled):
-            filler = not enabled[laser]
-        else:  # without the list, fillers are known by their place and by being zero throughout
-            filler = laser >= n_lasers and not any(values.values())
-        if not filler:
-            for name, items in intensities.items():
-                if laser < len(items):
-                    values[name] = items[laser]
-            yield laser, values
+def _list(database: Element, tag: str) -> list[str | None]:
+    """Items of a list by laser id; empty if the file has none."""
+    return [item.text for item in database.iterfind(f"{tag}/item")]
 
 
-def _list(database: Element, tag: str, path: Path) -> list[float]:
-    """Read a list of numbers by laser id; empty if the file has none."""
-    return [number(item.text, tag, str(path)) for item in database.iterfind(f"{tag}/item")]
+def write(path: Path, found: Calibration) -> None:
+    """Write the structure of the manufacturer's files, with the shortest exact numbers.
 
-
-def write(path: Path, parameters: ParameterSet) -> None:
-    """Write a calibration in the structure of the manufacturer's files.
-
-    The numbers are the shortest that `read` turns into the same floats. Values that the set does
-    not carry are written such that they have no effect (see `lasers.neutral`).
-
-    Raises
-    ------
-    CalibrationFileError
-        If a value is not finite.
+    Near-point corrections that a flag turns off are written without effect, as the file has no
+    flag. The dialect stands in a comment at the very end, where no reader stumbles on it.
     """
+    parameters = found.parameters
     rows = [lasers.neutral(row) for row in lasers.rows(path, parameters)]
+    if TWO_POINT in parameters.carried:
+        rows = [
+            row if row[TWO_POINT] else row | dict.fromkeys(NEAR_POINT, row["dl"]) for row in rows
+        ]
     n_fillers = max(0, N_ITEMS - len(rows))
     rows += [lasers.neutral({"dl": 0.0, "alpha": 0.0, "v": 0.0})] * n_fillers
     enabled = [1] * len(parameters) + [0] * n_fillers
@@ -136,7 +138,7 @@ def write(path: Path, parameters: ParameterSet) -> None:
         "<!DOCTYPE boost_serialization>",
         '<boost_serialization signature="serialization::archive" version="4">',
         '<DB class_id="0" tracking_level="1" version="0" object_id="_0">',
-        f"<distLSB_>{text(DISTANCE_TICK_M, METRES_PER_CENTIMETRE)}</distLSB_>",
+        f"<distLSB_>{text(found.tick_m, METRES_PER_CENTIMETRE)}</distLSB_>",
         '<position_ class_id="1" tracking_level="0" version="0">',
         *_items("xyz", [0, 0, 0]),
         "</position_>",
@@ -157,6 +159,8 @@ def write(path: Path, parameters: ParameterSet) -> None:
     for laser, row in enumerate(rows):
         lines += _item(laser, row)
     lines += ["</points_>", "</DB>", "</boost_serialization>", ""]
+    if found.dialect is not None:
+        lines.insert(-1, f"<!-- velocal: for the point formula of {found.dialect} -->")
     storage.write_text(path, "\n".join(lines))
 
 

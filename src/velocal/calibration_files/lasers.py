@@ -1,17 +1,22 @@
-"""What all formats share: from the values of single lasers to a checked set, and back."""
+"""What all formats share: from what a file holds of single lasers to a checked calibration.
+
+A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `calibration`
+checks it and stops at the first fault, `velocal.calibration_files.lint` names all of them.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
-from velocal.calibration_files.decimals import number
+from velocal.calibration_files.decimals import UNCHANGED, number
 from velocal.errors import CalibrationFileError
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.parameters import NEAR_POINT, PARAMETERS, TWO_POINT, UNITS, Array, ParameterSet
 from velocal.sensors import DISTANCE_TICK_M
 
 #: What files hold besides the parameters, by its name in ROS YAML, with our unit. The near-point
@@ -19,13 +24,12 @@ from velocal.sensors import DISTANCE_TICK_M
 CARRIED = {
     "dist_correction_x": "m",
     "dist_correction_y": "m",
+    TWO_POINT: "",
     "focal_distance": "m",
     "focal_slope": "",
     "min_intensity": "",
     "max_intensity": "",
 }
-#: Without these a file is no calibration.
-REQUIRED = ("dl", "alpha", "v")
 #: Hint of the formats in radians for a vertical angle beyond the vertical.
 DEGREES_HINT = "The file seems to hold degrees where radians are expected."
 
@@ -33,6 +37,78 @@ DEGREES_HINT = "The file seems to hold degrees where radians are expected."
 Values = Mapping[str, float]
 #: Key of a file, and the file's unit in ours, by our names.
 Keys = Mapping[str, tuple[str, Decimal]]
+
+#: Names of columns and keys in formats of our own, unit at the end.
+OWN_KEYS: Keys = {
+    name: (f"{name}_{unit}" if unit else name, UNCHANGED)
+    for name, unit in {**UNITS, **CARRIED}.items()
+}
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration and what is known of it.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+    dialect : str or None
+        Name of the point formula that the numbers belong to; None where the file does not say.
+    scanner : str or None
+    tick_m : float
+        Metres of one unit of raw distance.
+    std : mapping of str to ndarray, shape (n,)
+        Standard deviations by parameter; NaN where unknown.
+    covariance : mapping of (str, str) to ndarray, shape (n,)
+        Covariances of two parameters of a laser, where they are known.
+    provenance : mapping of str to object
+        Where the numbers come from: plain values for JSON.
+    """
+
+    parameters: ParameterSet
+    dialect: str | None = None
+    scanner: str | None = None
+    tick_m: float = DISTANCE_TICK_M
+    std: Mapping[str, Array] = field(default_factory=dict)
+    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file holds, not yet judged.
+
+    Attributes
+    ----------
+    path : Path
+    keys : mapping
+        The file's keys and units by our names.
+    id_key : str
+    lasers : sequence of (str, mapping of str to object)
+        Of every laser: where in the file, and its values under the file's keys.
+    required : tuple of str
+        Names without which a laser is not calibrated; others get `neutral` values.
+    tick : (str, object, Decimal) or None
+        Key, value and unit of the raw distance, if stated.
+    stated : object
+        Number of lasers that the file states, if it does.
+    dialect : str or None
+    angle_hint : str or None
+        What to say of a vertical angle beyond the vertical.
+    listed : mapping of str to int
+        Lengths of lists beside the lasers (XML only).
+    """
+
+    path: Path
+    keys: Keys
+    id_key: str
+    lasers: Sequence[tuple[str, Mapping[str, object]]]
+    required: tuple[str, ...] = ("dl", "alpha", "v")
+    tick: tuple[str, object, Decimal] | None = None
+    stated: object = None
+    dialect: str | None = None
+    angle_hint: str | None = DEGREES_HINT
+    listed: Mapping[str, int] = field(default_factory=dict)
 
 
 def content(path: Path) -> bytes:
@@ -72,19 +148,25 @@ def laser_id(value: object, key: str, where: str) -> int:
     return int(found)
 
 
-def values(found: Mapping[str, object], keys: Keys, where: str) -> dict[str, float]:
-    """Convert what a file holds of one laser; optional keys may be absent.
+def value(document: Document, name: str, found: Mapping[str, object], where: str) -> float | None:
+    """Convert one value of a laser; None where an optional one is absent.
 
     Raises
     ------
     CalibrationFileError
-        If a required key is missing, or a value is not a finite number.
+        If a required value is missing, or a value is not a finite number.
     """
-    return {
-        name: number(found.get(key), key, where, unit)
-        for name, (key, unit) in keys.items()
-        if name in REQUIRED or found.get(key) is not None
-    }
+    key, unit = document.keys[name]
+    entry = found.get(key)
+    if name == TWO_POINT and key in found:
+        if not isinstance(entry, bool) and entry not in ("0", "1", "0.0", "1.0"):
+            raise CalibrationFileError(
+                f"{key} is of type {type(entry).__name__}", where=where, allowed="true, false"
+            )
+        return float(entry)
+    if entry is None and name not in document.required:
+        return None
+    return number(entry, key, where, unit)
 
 
 def neutral(known: Values) -> dict[str, float]:
@@ -92,11 +174,13 @@ def neutral(known: Values) -> dict[str, float]:
 
     Near-point corrections equal to the distance correction make the two-point interpolation vanish.
     """
+    dl = known.get("dl", 0.0)
     return {
+        "dl": dl,
         "voff": 0.0,
         "hoff": 0.0,
-        "dist_correction_x": known["dl"],
-        "dist_correction_y": known["dl"],
+        **dict.fromkeys(NEAR_POINT, dl),
+        TWO_POINT: 0.0,
         "focal_distance": 0.0,
         "focal_slope": 0.0,
         "min_intensity": 0.0,
@@ -105,47 +189,59 @@ def neutral(known: Values) -> dict[str, float]:
     }
 
 
-def check_tick(tick_m: float, key: str, path: Path) -> None:
-    """Refuse a file made for another distance tick (metres): its scanner is not one of ours.
+def tick_m(document: Document) -> float:
+    """Metres of one unit of raw distance, as the file states it.
 
     Raises
     ------
     CalibrationFileError
-        If the tick differs.
+        If it is not a positive number, or is beyond 5 mm, where no scanner of Velodyne is.
     """
-    if not np.isclose(tick_m, DISTANCE_TICK_M, rtol=1e-6):
+    if document.tick is None or document.tick[1] is None:
+        return DISTANCE_TICK_M
+    key, stated, unit = document.tick
+    found = number(stated, key, str(document.path), unit)
+    if not 0.0 < found <= 0.005:
         raise CalibrationFileError(
-            f"{key} is {tick_m:g} m", where=str(path), allowed=f"{DISTANCE_TICK_M} m"
+            f"{key} is {found:g} m",
+            where=str(document.path),
+            allowed="0.002 m, or 0.004 m for a VLS-128",
+            hint="Centimetres where metres are expected?" if np.isclose(found, 0.2) else None,
         )
+    # Files in centimetres give 0.2: the decimal is exact, and so is what is compared with it.
+    return DISTANCE_TICK_M if np.isclose(found, DISTANCE_TICK_M, rtol=1e-6) else found
 
 
-def parameter_set(
-    path: Path,
-    lasers: Iterable[tuple[int, Values]],
-    n_lasers: int | None,
-    angle_hint: str | None = None,
-) -> ParameterSet:
-    """Put the values of the lasers together.
+def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
+    """Check what a file holds and put it together.
 
     Parameters
     ----------
-    path : Path
-        Named in errors.
-    lasers : iterable of (int, mapping of str to float)
-        Laser id and values, in any order.
+    document : Document
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as there are.
-    angle_hint : str, optional
-        What to say if a vertical angle is beyond the vertical.
 
     Raises
     ------
     CalibrationFileError
-        If lasers are missing, doubled or too many, or an angle is impossible.
+        If a value is missing or no finite number, lasers are missing, doubled or too many, or an
+        angle is impossible.
     """
-    by_id: dict[int, Values] = {}
-    for laser, known in lasers:
+    path, by_id = document.path, dict[int, Values]()
+    tick = tick_m(document)
+    if document.stated is not None:
+        stated = number(document.stated, "num_lasers", str(path))
+        if stated != len(document.lasers):
+            raise CalibrationFileError(
+                f"num_lasers is {stated:g}, but the list 'lasers' has {len(document.lasers)} "
+                "entries",
+                where=str(path),
+            )
+    for place, found in document.lasers:
+        laser = laser_id(found.get(document.id_key), document.id_key, f"{path}, {place}")
         where = f"{path}, laser {laser}"
+        converted = {name: value(document, name, found, where) for name in document.keys}
+        known = {name: entry for name, entry in converted.items() if entry is not None}
         if laser in by_id:
             raise CalibrationFileError("the laser id is doubled", where=where)
         if abs(known["v"]) > np.pi / 2:
@@ -153,7 +249,7 @@ def parameter_set(
                 f"the vertical angle is {known['v']:g} rad",
                 where=where,
                 allowed="-pi/2 to pi/2",
-                hint=angle_hint,
+                hint=document.angle_hint,
             )
         by_id[laser] = known
     _check_ids(path, set(by_id), n_lasers)
@@ -163,10 +259,11 @@ def parameter_set(
         name: np.array([row[name] for row in rows], dtype=np.float64)
         for name in (*PARAMETERS, *carried)
     }
-    return ParameterSet(
+    parameters = ParameterSet(
         **{name: columns[name] for name in PARAMETERS},
         carried={name: columns[name] for name in carried},
     )
+    return Calibration(parameters, document.dialect, tick_m=tick)
 
 
 def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:

@@ -1,19 +1,17 @@
-"""The YAML of the ROS driver `velodyne_pointcloud`, in radians and metres."""
+"""The YAML of the ROS driver `velodyne_pointcloud` and of velodyne_decoder: radians, metres."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from velocal import storage
 from velocal.calibration_files import lasers
-from velocal.calibration_files.decimals import UNCHANGED, number
+from velocal.calibration_files.decimals import UNCHANGED
+from velocal.calibration_files.lasers import Calibration, Document
 from velocal.errors import CalibrationFileError
-from velocal.parameters import ParameterSet
-from velocal.sensors import DISTANCE_TICK_M
+from velocal.parameters import NEAR_POINT, TWO_POINT
 
 #: Keys of one laser.
 KEYS: lasers.Keys = {
@@ -24,28 +22,10 @@ KEYS: lasers.Keys = {
     "hoff": ("horiz_offset_correction", UNCHANGED),
     **{name: (name, UNCHANGED) for name in lasers.CARRIED},
 }
-NEAR_POINT = ("dist_correction_x", "dist_correction_y")
-#: Whether the driver interpolates between near-point and distance corrections.
-TWO_POINT = "two_pt_correction_available"
 
 
-def read(path: Path, n_lasers: int) -> ParameterSet:
-    """Read a calibration.
-
-    Near-point corrections are carried only where the driver uses them, that is where
-    `two_pt_correction_available` is true.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int
-        Number of lasers of the scanner.
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is not a calibration, or not of a scanner with so many lasers.
-    """
+def parse(path: Path) -> Document:
+    """Take the file apart; a laser without the two-point flag has it off, as in ROS."""
     where = str(path)
     data = lasers.content(path)
     try:
@@ -59,64 +39,54 @@ def read(path: Path, n_lasers: int) -> ParameterSet:
         raise CalibrationFileError(
             "holds no list 'lasers'", where=where, allowed="the YAML of velodyne_pointcloud"
         )
-    if "distance_resolution" in document:
-        tick_m = number(document["distance_resolution"], "distance_resolution", where)
-        lasers.check_tick(tick_m, "distance_resolution", path)
-    stated = number(document.get("num_lasers", len(entries)), "num_lasers", where)
-    if stated != len(entries):
-        raise CalibrationFileError(
-            f"num_lasers is {stated:g}, but the list 'lasers' has {len(entries)} entries",
-            where=where,
-        )
-    return lasers.parameter_set(
-        path, _lasers(entries, path), n_lasers, angle_hint=lasers.DEGREES_HINT
+    found = []
+    for index, entry in enumerate(entries):
+        place = f"entry {index} of lasers"
+        if not isinstance(entry, dict):
+            raise CalibrationFileError(
+                f"is of type {type(entry).__name__}", where=f"{where}, {place}"
+            )
+        found.append((place, {TWO_POINT: False} | entry))
+    dialect = document.get("dialect")
+    return Document(
+        path,
+        KEYS,
+        "laser_id",
+        found,
+        required=("alpha", "v"),  # velodyne_decoder leaves out a distance correction of zero
+        tick=("distance_resolution", document.get("distance_resolution"), UNCHANGED),
+        stated=document.get("num_lasers"),
+        dialect=None if dialect is None else str(dialect),
     )
 
 
-def _lasers(entries: list[Any], path: Path) -> Iterator[tuple[int, dict[str, float]]]:
-    for index, entry in enumerate(entries):
-        where = f"{path}, entry {index} of lasers"
-        if not isinstance(entry, dict):
-            raise CalibrationFileError(f"is of type {type(entry).__name__}", where=where)
-        laser = lasers.laser_id(entry.get("laser_id"), "laser_id", where)
-        values = lasers.values(entry, KEYS, f"{path}, laser {laser}")
-        two_point = entry.get(TWO_POINT, False)
-        if not isinstance(two_point, bool):
-            raise CalibrationFileError(
-                f"{TWO_POINT} is of type {type(two_point).__name__}",
-                where=f"{path}, laser {laser}",
-                allowed="true, false",
-            )
-        if not two_point:
-            values = {name: value for name, value in values.items() if name not in NEAR_POINT}
-        yield laser, values
+def write(path: Path, found: Calibration) -> None:
+    """Write all the keys that drivers ask for.
 
-
-def write(path: Path, parameters: ParameterSet) -> None:
-    """Write a calibration with all the keys that drivers ask for.
-
-    Values that the set does not carry are written such that they have no effect (see
-    `lasers.neutral`).
-
-    Raises
-    ------
-    CalibrationFileError
-        If a value is not finite.
+    Where the set carries no flag, it is set as the ROS driver's converter of XML does: where both
+    near-point corrections are other than zero. The dialect stands under a key that no reader asks
+    for.
     """
-    two_point = any(name in parameters.carried for name in NEAR_POINT)
-    entries = [
-        {"laser_id": laser, TWO_POINT: two_point}
-        | {KEYS[name][0]: _plain(name, value) for name, value in lasers.neutral(row).items()}
-        for laser, row in enumerate(lasers.rows(path, parameters))
-    ]
+    carried = found.parameters.carried
+    two_point = NEAR_POINT[0] in carried and TWO_POINT not in carried
+    entries = []
+    for laser, row in enumerate(lasers.rows(path, found.parameters)):
+        row = lasers.neutral(row)
+        if two_point:
+            row[TWO_POINT] = float(row[NEAR_POINT[0]] != 0 and row[NEAR_POINT[1]] != 0)
+        entries.append({"laser_id": laser} | {KEYS[k][0]: _plain(k, v) for k, v in row.items()})
     document = {
         "num_lasers": len(entries),
-        "distance_resolution": DISTANCE_TICK_M,
+        "distance_resolution": found.tick_m,
         "lasers": entries,
     }
+    if found.dialect is not None:
+        document["dialect"] = found.dialect
     storage.write_text(path, yaml.safe_dump(document, default_flow_style=False))
 
 
-def _plain(name: str, value: float) -> float | int:
+def _plain(name: str, value: float) -> float | int | bool:
+    if name == TWO_POINT:
+        return value != 0
     # The driver reads intensities as whole numbers and stops at a decimal point.
     return int(value) if name.endswith("_intensity") and value.is_integer() else value

@@ -20,6 +20,7 @@ from rich.progress import (
 
 from velocal.errors import ConfigError
 from velocal.recording.identify import candidates, check_scanner
+from velocal.recording.reading import Choice
 from velocal.recording.rotations import Inspection, inspect
 from velocal.sensors import SCANNERS, Scanner, scanner_named
 
@@ -27,7 +28,18 @@ errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Recording = Annotated[
     Path,
-    typer.Argument(metavar="FILE", help="Capture: records of 1206 or 1248 bytes, or classic pcap."),
+    typer.Argument(
+        metavar="FILE",
+        help="Capture: records of 1206 or 1248 bytes, pcap, pcapng, any of them gzipped; ROS bag.",
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option("--port", min=0, max=65535, help="UDP port to which the scanner sends."),
+]
+Address = Annotated[
+    str | None,
+    typer.Option("--address", help="IPv4 address from which it sends; in a bag, its topic."),
 ]
 ScannerName = Annotated[
     str | None,
@@ -56,10 +68,12 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
-def scan(file: Path) -> Inspection:
+def scan(file: Path, choice: Choice) -> Inspection:
     """Scan a recording, with progress."""
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
-        return inspect(file, lambda done, total: bar.update(task, completed=done, total=total))
+        return inspect(
+            file, lambda done, total: bar.update(task, completed=done, total=total), choice
+        )
 
 
 def scanner_of(inspection: Inspection, name: str | None, file: Path) -> tuple[Scanner, list[str]]:

@@ -9,8 +9,20 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal.cli.common import Recording, ScannerName, escape, progress, scan, scanner_of
+from velocal.cli import stream
+from velocal.cli.common import (
+    Address,
+    Port,
+    Recording,
+    ScannerName,
+    escape,
+    progress,
+    scan,
+    scanner_of,
+)
 from velocal.errors import ConfigError
+from velocal.packets import CHOICES
+from velocal.recording.reading import Choice
 from velocal.recording.rotations import Inspection
 from velocal.recording.windows import window_rotations
 from velocal.returns import write_returns
@@ -19,10 +31,12 @@ from velocal.returns import write_returns
 def inspect(
     file: Recording,
     scanner: ScannerName = None,
+    port: Port = None,
+    address: Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Tell what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    inspection = scan(file)
+    inspection = scan(file, Choice(port, address))
     try:
         known, remarks = scanner_of(inspection, scanner, file)
         name = known.name
@@ -49,6 +63,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
     rows = {
         "scanner": scanner,
         "framing": ledger.framing,
+        "sent from": ", ".join(f"{name} ({n})" for name, n in ledger.senders.items()) or "unknown",
         "duration": f"{inspection.duration_s:.3f} s ({inspection.clock} clock)",
         "rotations": f"{len(index)}, {int(index.complete.sum())} complete",
         "rotation rate": f"{index.rate_hz():.3f} Hz",
@@ -56,12 +71,19 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
         "azimuth step": f"{facts['azimuth_step_deg']:.2f} deg, "
         f"in multiples of {facts['azimuth_resolution_deg']:.2f} deg",
         "blocks": ", ".join(f"{count} {side}" for side, count in inspection.block_counts.items()),
+        "returns": facts["returns"],
         "gaps": f"{inspection.gaps}, about {inspection.packets_missing} packets missing",
         "product byte": facts["product"] or "none",
-        "calibration in stream": "yes" if inspection.calibration_in_stream else "no",
+        **stream.rows(inspection.status),
     }
     for key, value in rows.items():
         top.add_row(f"[bold]{key}[/]", value)
+    if ledger.reordered:
+        top.add_row("[bold]put in order[/]", f"{ledger.reordered} packets that had come late")
+    if ledger.assembled:
+        top.add_row("[bold]assembled[/]", f"{ledger.assembled} packets from IP fragments")
+    if ledger.nmea:
+        top.add_row("[bold]NMEA[/]", escape(ledger.nmea))
     for remark in remarks:
         top.add_row("[bold yellow]remark[/]", escape(remark))
     console.print(top)
@@ -75,7 +97,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
         table.add_row(f"rejected: {escape(reason)}", f"{count.packets}", f"{count.bytes}")
     table.add_row("unaccounted", "", f"{ledger.unaccounted_bytes}")
     table.add_section()
-    table.add_row("file", "", f"{ledger.file_bytes}")
+    table.add_row("content of the file", "", f"{ledger.file_bytes}")
     console.print(table)
 
 
@@ -87,13 +109,27 @@ def decode(
         str, typer.Option(help="Rotations to decode: all, beginning, middle or end.")
     ] = "all",
     rotations: Annotated[int, typer.Option(min=1, help="Complete rotations of a window.")] = 100,
+    port: Port = None,
+    address: Address = None,
+    returns: Annotated[
+        str,
+        typer.Option("--return", help="Of shots with two returns: both, strongest or last."),
+    ] = "both",
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
     if window not in ("all", "beginning", "middle", "end"):
         raise ConfigError(
             f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
         )
-    inspection = scan(file)
+    if returns not in CHOICES:
+        raise ConfigError(
+            f"unknown return {returns!r}",
+            where="--return",
+            allowed=", ".join(CHOICES),
+            hint="It matters only where a scanner was set to dual return.",
+        )
+    choice = Choice(port, address)
+    inspection = scan(file, choice)
     known, _ = scanner_of(inspection, scanner, file)
     chosen = window_rotations(inspection.index, window, rotations, str(file))
     index = inspection.index
@@ -106,5 +142,7 @@ def decode(
             known,
             output,
             lambda done: bar.update(task, completed=done, total=total),
+            returns=returns,
+            choice=choice,
         )
     print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")

@@ -1,4 +1,4 @@
-"""Which scanner a recording comes from, by its block flags and timing."""
+"""Which scanner a recording comes from, by its block flags, factory byte and timing."""
 
 from __future__ import annotations
 
@@ -6,29 +6,57 @@ import numpy as np
 
 from velocal.errors import RecordingError
 from velocal.recording.rotations import Inspection
-from velocal.sensors import SCANNERS, Scanner
+from velocal.sensors import AZIMUTH_TICKS, SCANNERS, Scanner
 
-#: Measured and nominal packet rate may differ by this share.
+#: Measured and nominal packet rate, or firing cycle, may differ by this share.
 RATE_TOLERANCE = 0.15
 
 
+def banks(inspection: Inspection) -> int:
+    """Banks of 32 lasers that occur."""
+    return sum(count > 0 for count in inspection.block_counts.values())
+
+
+def firing_cycle_s(inspection: Inspection) -> float:
+    """Time between blocks that differ in azimuth, by rotation rate and step; NaN without a clock.
+
+    Lost packets change the packet rate, not this.
+    """
+    if inspection.clock != "device":
+        return float("nan")
+    return inspection.azimuth_step_ticks / AZIMUTH_TICKS / inspection.index.rate_hz()
+
+
+def _mismatch(inspection: Inspection, scanner: Scanner) -> float:
+    """How far the packet rate is from that of a scanner, as a logarithm; zero without time."""
+    nominal = scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
+    if np.isnan(nominal):
+        return np.inf  # it has no such mode
+    off = abs(np.log(1.0 / (inspection.packet_interval_s * nominal)))
+    return 0.0 if np.isnan(off) else float(off)
+
+
 def candidates(inspection: Inspection) -> list[Scanner]:
-    """Scanners whose flags and packet rate agree with a recording, best first."""
-    lower = inspection.block_counts["lower"] > 0
-    measured = 1.0 / inspection.packet_interval_s if inspection.packet_interval_s else np.nan
-    fits: list[tuple[float, Scanner]] = []
-    for scanner in SCANNERS.values():
-        if scanner.paired != lower:
-            continue
-        ratios = [abs(np.log(measured / (scanner.packet_rate_hz * returns))) for returns in (1, 2)]
-        mismatch = min(ratios) if np.isfinite(measured) else 0.0
-        if mismatch < np.log1p(RATE_TOLERANCE):
-            fits.append((float(mismatch), scanner))
-    return [scanner for _, scanner in sorted(fits, key=lambda fit: fit[0])]
+    """Scanners whose flags and packet rate agree with a recording, best first.
+
+    Scanners of the same timing differ by their product byte.
+    """
+    fits = []
+    for number, scanner in enumerate(SCANNERS.values()):
+        mismatch = _mismatch(inspection, scanner)
+        if len(scanner.flags) == banks(inspection) and mismatch < np.log1p(RATE_TOLERANCE):
+            other = inspection.product not in scanner.factory_bytes
+            fits.append((mismatch, other, number, scanner))
+    return [scanner for *_, scanner in sorted(fits, key=lambda fit: fit[:3])]
 
 
 def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[str]:
-    """Check the stated scanner against flags and timing; remarks that are no contradiction.
+    """Check the stated scanner against flags, factory byte and timing.
+
+    Returns
+    -------
+    list of str
+        Remarks on what is odd but no contradiction.
 
     Raises
     ------
@@ -36,23 +64,48 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
         If the recording cannot come from that scanner.
     """
     fits = candidates(inspection)
+    allowed = ", ".join(fit.name for fit in fits) or "no scanner known here"
+    hint = "Correct the scanner of this sample."
     if scanner not in fits:
         rate = 1.0 / inspection.packet_interval_s
-        blocks = inspection.block_counts
+        nominal = scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
+        blocks = ", ".join(f"{n} {bank}" for bank, n in inspection.block_counts.items())
+        returns = "two returns" if inspection.dual else "one return"
         raise RecordingError(
-            f"is said to come from {scanner.name}, which sends {scanner.packet_rate_hz:.0f} "
-            f"packets/s with block flags {', '.join(f'{flag:04X}' for flag in scanner.flags)}; "
-            f"the recording has {rate:.0f} packets/s, {blocks['upper']} upper and "
-            f"{blocks['lower']} lower blocks",
+            f"is said to come from {scanner.name}, which sends {nominal:.0f} "
+            f"packets/s of {returns} a shot with block flags "
+            f"{', '.join(f'{flag:04X}' for flag in scanner.flags)}; "
+            f"the recording has {rate:.0f} packets/s and blocks: {blocks}",
             where=where,
-            allowed=", ".join(fit.name for fit in fits) or "no scanner known here",
-            hint="Correct the scanner of this sample.",
+            allowed=allowed,
+            hint=hint,
         )
     remarks = []
-    expected, product = scanner.factory_byte, inspection.product
-    if expected is not None and product is not None and product != expected:
+    product, expected = inspection.product, scanner.factory_bytes
+    if expected and product is not None and product not in expected:
+        sender = [fit for fit in fits if product in fit.factory_bytes]
+        if sender:
+            raise RecordingError(
+                f"is said to come from {scanner.name}; its product byte 0x{product:02X} is that "
+                f"of {sender[0].name}, and flags and timing agree with both",
+                where=where,
+                allowed=sender[0].name,
+                hint=hint,
+            )
         remarks.append(
-            f"product byte is 0x{product:02X}, {scanner.name} should send 0x{expected:02X}; "
+            f"product byte is 0x{product:02X}, {scanner.name} should send 0x{expected[0]:02X}; "
             f"the timing agrees with {scanner.name}"
+        )
+    cycle = firing_cycle_s(inspection) / (scanner.firing_cycle_s * scanner.firings_per_block)
+    # The encoder of an HDL-64E is too coarse for this.
+    if not scanner.paired and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
+        remarks.append(
+            f"the head turns {inspection.azimuth_step_ticks:.0f} hundredths of a degree from block "
+            f"to block, {cycle:.2f} times what its rate and {scanner.name} would give"
+        )
+    if inspection.mode and inspection.dual != (inspection.mode == "dual"):
+        remarks.append(
+            f"return mode is said to be {inspection.mode}, the blocks hold "
+            + ("two returns a shot" if inspection.dual else "one return a shot")
         )
     return remarks

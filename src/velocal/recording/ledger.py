@@ -26,7 +26,7 @@ class Ledger:
     Attributes
     ----------
     file_bytes : int
-        Size of the file.
+        Size of the file; of its content where that is compressed; of the messages of a bag.
     framing : str
         How packets were delimited.
     data : Count
@@ -37,6 +37,14 @@ class Ledger:
         Position (GPS) packets, noted but not used.
     rejected : dict of str to Count
         What was not used, by reason.
+    reordered : int
+        Data packets that had arrived late and were put back in their order.
+    assembled : int
+        Datagrams that were put together from IP fragments.
+    senders : dict of str to int
+        Data packets by source address and destination port, or by topic of a bag.
+    nmea : str
+        Last sentence of the position packets; empty where there was none.
     """
 
     file_bytes: int
@@ -45,6 +53,10 @@ class Ledger:
     framing_bytes: int = 0
     position: Count = field(default_factory=Count)
     rejected: dict[str, Count] = field(default_factory=dict)
+    reordered: int = 0
+    assembled: int = 0
+    senders: dict[str, int] = field(default_factory=dict)
+    nmea: str = ""
 
     def reject(self, reason: str, packets: int, bytes_: int) -> None:
         """Enter packets that are not used; nothing is entered for none."""

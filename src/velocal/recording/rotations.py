@@ -6,7 +6,7 @@ rotations, not of packets.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,19 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.errors import RecordingError
-from velocal.packets import BLOCKS, median_azimuth_step, view
-from velocal.recording.framing import Chunk, detect
+from velocal.packets import (
+    BLOCKS,
+    MODES,
+    flags_and_azimuths,
+    median_azimuth_step,
+    two_returns,
+    view,
+)
+from velocal.recording import sequence
+from velocal.recording.chunk import Chunk, joined
 from velocal.recording.ledger import Ledger
-from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, FLAG_LOWER
+from velocal.recording.reading import ANY, Choice, Progress, open_recording
+from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, BANK_FLAGS
+from velocal.status import TRAILING, StatusReader, StatusStream
 
-#: The device clock counts the microseconds of an hour.
-HOUR_US = 3_600_000_000
 #: Packets farther apart than this many usual intervals have a gap between them.
 GAP_INTERVALS = 1.5
 #: Packets that are looked at together at least, where the recording has so many.
 CLOCK_PACKETS = 256
-
-Progress = Callable[[int, int], None]
+#: Without a device clock: so many usual intervals, and steps of the azimuth, are a gap.
+CAPTURE_GAP_INTERVALS = 5
+CAPTURE_GAP_STEPS = 4
+BANKS = ("upper", "lower", "third", "fourth")
 
 
 @dataclass(frozen=True)
@@ -41,7 +51,8 @@ class RotationIndex:
     ----------
     offset : ndarray of int64, shape (n + 1,)
         Byte at which the packet with the first block of a rotation begins; the last element
-        is the end of the recording.
+        is the end of the recording. -1 everywhere if packets cannot be read from the middle of
+        the file on: compressed files, bags, and such as had to be put in order.
     block : ndarray of int8, shape (n + 1,)
         Number of that block in its packet.
     packet : ndarray of int64, shape (n + 1,)
@@ -81,7 +92,8 @@ class Inspection:
     index : RotationIndex
     ledger : Ledger
     gaps, packets_missing : int
-        Interruptions of the packet sequence, and the packets they must have held.
+        Interruptions of the packet sequence, and the packets they must have held; by the device
+        clock, or by capture times where the azimuth agrees.
     packet_interval_s : float
         Median time between packets; NaN without time.
     azimuth_step_ticks : float
@@ -91,11 +103,18 @@ class Inspection:
     clock : str
         "device", "capture" or "none": where times come from.
     block_counts : dict of str to int
-        Number of upper and lower blocks.
+        Number of upper and lower blocks; of the third and fourth bank of a VLS-128.
+    dual : bool
+        Whether every shot has two returns.
+    mode : str
+        What the scanner says of its returns: "strongest", "last" or "dual"; empty where it says
+        nothing.
     product : int or None
         Last payload byte, where it never changes.
     status_types : str
         Status types seen in the last but one byte, where these are printable (HDL-64E S2/S3).
+    status : StatusStream
+        What the trailing bytes say: temperature, firmware, time, the factory's table.
     """
 
     index: RotationIndex
@@ -107,13 +126,16 @@ class Inspection:
     azimuth_multiple: int = 0
     clock: str = "none"
     block_counts: dict[str, int] = field(default_factory=dict)
+    dual: bool = False
+    mode: str = ""
     product: int | None = None
     status_types: str = ""
+    status: StatusStream = field(default_factory=StatusStream)
 
     @property
     def calibration_in_stream(self) -> bool:
-        """Whether status bytes of type 1-7 (HDL-64E S2/S3 calibration table) occur."""
-        return set("1234567") <= set(self.status_types)
+        """Whether the factory's calibration can be taken from the status bytes."""
+        return self.status.parameters is not None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain mapping for JSON and for people: counts, rates and the ledger."""
@@ -129,9 +151,11 @@ class Inspection:
             "gaps": self.gaps,
             "packets_missing": self.packets_missing,
             "block_counts": self.block_counts,
+            "returns": "dual" if self.dual else self.mode or "single",
             "product": None if self.product is None else f"0x{self.product:02X}",
             "status_types": self.status_types,
             "calibration_in_stream": self.calibration_in_stream,
+            "status": self.status.as_dict(),
             "ledger": self.ledger.as_dict(),
         }
 
@@ -141,46 +165,31 @@ class Inspection:
         return float(self.index.time_s[-1] - self.index.time_s[0])
 
 
-def _has_device_clock(timestamps: NDArray[np.uint32]) -> bool:
-    """Whether trailing bytes look like a clock: rising by less than 0.1 s nearly always.
-
-    HDL-64E S1 and early S2 units send text there, which alternates.
-    """
-    if len(timestamps) < 2:
-        return False
-    steps = np.mod(np.diff(timestamps.astype(np.int64)), HOUR_US)
-    return bool(np.mean((steps > 0) & (steps < 100_000)) > 0.9) and bool(
-        np.mean(timestamps < HOUR_US) > 0.99
-    )
-
-
-def inspect(path: Path, progress: Progress | None = None) -> Inspection:
+def inspect(path: Path, progress: Progress | None = None, choice: Choice = ANY) -> Inspection:
     """Scan a recording once: ledger, rotations, timing, what the packets say of the scanner.
 
     Parameters
     ----------
     path : Path
-        Capture file.
+        Capture file, or folder of a ROS 2 bag.
     progress : callable, optional
         Called with bytes done and bytes in all.
+    choice : Choice
+        Which of several scanners.
 
     Raises
     ------
     RecordingError
-        If the file has no known framing or not one sound data packet.
+        If the file has no known framing, not one sound data packet, or several scanners.
     """
-    framing = detect(path)
-    size = path.stat().st_size
-    ledger = Ledger(file_bytes=size, framing=framing.name, framing_bytes=framing.first_packet)
+    recording = open_recording(path, choice)
+    ledger = Ledger(file_bytes=0)
     scan = _Scan()
-    with path.open("rb") as file:
-        for chunk in _merged(framing.chunks(file, framing.first_packet, size, ledger)):
-            scan.take(chunk)
-            if progress is not None:
-                progress(chunk.end, size)
+    for chunk in _merged(recording.packets(ledger, progress)):
+        scan.take(chunk)
     if scan.packets == 0:
         raise RecordingError("holds no sound data packet", where=str(path))
-    return scan.result(ledger, size)
+    return scan.result(ledger, recording.enterable)
 
 
 def _merged(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
@@ -188,23 +197,11 @@ def _merged(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
     held: list[Chunk] = []
     for chunk in chunks:
         held.append(chunk)
-        if sum(len(part.payloads) for part in held) >= CLOCK_PACKETS:
-            yield _joined(held)
+        if sum(len(part) for part in held) >= CLOCK_PACKETS:
+            yield joined(held)
             held = []
-    if any(len(part.payloads) for part in held):
-        yield _joined(held)
-
-
-def _joined(parts: list[Chunk]) -> Chunk:
-    if len(parts) == 1:
-        return parts[0]
-    times = [part.capture_time_s for part in parts if part.capture_time_s is not None]
-    return Chunk(
-        np.concatenate([part.payloads for part in parts]),
-        np.concatenate([part.offsets for part in parts]),
-        parts[-1].end,
-        np.concatenate(times) if times else None,
-    )
+    if any(len(part) for part in held):
+        yield joined(held)
 
 
 class _Scan:
@@ -224,14 +221,15 @@ class _Scan:
         self.interval = float("nan")
         self.steps = np.zeros(AZIMUTH_TICKS, dtype=np.int64)
         self.azimuth_seen = np.zeros(AZIMUTH_TICKS, dtype=bool)
-        self.blocks = {"upper": 0, "lower": 0}
+        self.blocks = np.zeros(len(BANKS), dtype=np.int64)
+        self.dual = 0
         self.products = np.zeros(256, dtype=np.int64)
         self.statuses = np.zeros(256, dtype=np.int64)
+        self.status = StatusReader()
 
     def take(self, chunk: Chunk) -> None:
         packets = view(chunk.payloads)
-        blocks = packets["blocks"]
-        azimuth = blocks["azimuth"] % np.uint16(AZIMUTH_TICKS)
+        flags, azimuth = flags_and_azimuths(packets)
         n = len(packets)
         times = self._times(chunk, np.ascontiguousarray(packets["timestamp"]))
         flat = azimuth.reshape(-1).astype(np.int32)
@@ -245,13 +243,13 @@ class _Scan:
             self.starts.append(
                 (int(chunk.offsets[packet]), block, self.packets + packet, float(times[packet]))
             )
-        self._gaps(times)
+        self._gaps(times, flat, int(before))
         self.steps += np.bincount(median_azimuth_step(azimuth), minlength=AZIMUTH_TICKS)
         self.azimuth_seen[flat] = True
-        lower = int((blocks["flag"] == FLAG_LOWER).sum())
-        self.blocks["lower"] += lower
-        self.blocks["upper"] += n * BLOCKS - lower
+        self.dual += int(two_returns(flags, azimuth).sum())
+        self.blocks += [np.count_nonzero(flags == flag) for flag in BANK_FLAGS]
         self.products += np.bincount(packets["status"][:, 1], minlength=256)
+        self.status.take(chunk.payloads[:, -TRAILING.itemsize :])
         self.statuses += np.bincount(packets["status"][:, 0], minlength=256)
         self.last_azimuth = int(flat[-1])
         self.last_time = float(times[-1])
@@ -260,7 +258,7 @@ class _Scan:
     def _times(self, chunk: Chunk, stamps: NDArray[np.uint32]) -> NDArray[np.float64]:
         """Seconds since the first packet, unwrapped at the hour."""
         if self.clock is None:
-            if _has_device_clock(stamps):
+            if sequence.has_device_clock(stamps):
                 self.clock = "device"
                 self.last_stamp = int(stamps[0])
             else:
@@ -271,15 +269,15 @@ class _Scan:
                 self.epoch = int(stamps[0]) * 1e-6
         if self.clock == "device":
             ticks = stamps.astype(np.int64)
-            back = np.diff(ticks, prepend=self.last_stamp) < -HOUR_US // 2
+            back = np.diff(ticks, prepend=self.last_stamp) < -sequence.HOUR_US // 2
             hours = self.hours + np.cumsum(back)
             self.hours, self.last_stamp = int(hours[-1]), int(ticks[-1])
-            return np.asarray((ticks + hours * HOUR_US) * 1e-6 - self.epoch)
+            return np.asarray((ticks + hours * sequence.HOUR_US) * 1e-6 - self.epoch)
         if self.clock == "capture" and chunk.capture_time_s is not None:
             return chunk.capture_time_s - self.epoch
         return np.full(len(stamps), np.nan)
 
-    def _gaps(self, times: NDArray[np.float64]) -> None:
+    def _gaps(self, times: NDArray[np.float64], azimuth: NDArray[np.int32], last: int) -> None:
         before = times[:1] if np.isnan(self.last_time) else np.array([self.last_time])
         interval = np.diff(times, prepend=before)
         if self.packets == 0:
@@ -288,27 +286,33 @@ class _Scan:
             self.interval = float(np.median(interval))
         if len(interval):
             self.intervals.append(np.array([np.median(interval), len(interval)]))
-        # Capture clocks jitter by more than a packet: only the device clock can show a gap.
-        if self.clock == "device":
-            skipped = len(times) - len(interval)
-            for at in np.flatnonzero(interval > GAP_INTERVALS * self.interval):
-                missing = float(np.rint(interval[at] / self.interval) - 1.0)
-                self.gap_after.append((self.packets + int(at) + skipped, missing))
+        skipped = len(times) - len(interval)
+        limit = GAP_INTERVALS if self._clocked else CAPTURE_GAP_INTERVALS
+        gaps = np.flatnonzero(interval > limit * self.interval)
+        if self.clock == "capture" and len(gaps):
+            # Capture times jitter by more than a packet: the head must have turned as well.
+            steps = np.mod(np.diff(azimuth, prepend=last), AZIMUTH_TICKS)
+            usual = float(np.median(steps[steps > 0])) if steps.any() else np.inf
+            gaps = gaps[steps[(gaps + skipped) * BLOCKS] > CAPTURE_GAP_STEPS * usual]
+        for at in gaps:
+            missing = float(np.rint(interval[at] / self.interval) - 1.0)
+            self.gap_after.append((self.packets + int(at) + skipped, missing))
 
     @property
     def _clocked(self) -> bool:
         return self.clock == "device"
 
-    def result(self, ledger: Ledger, size: int) -> Inspection:
-        columns = [*self.starts, (size, 0, self.packets, self.last_time)]
+    def result(self, ledger: Ledger, enterable: bool) -> Inspection:
+        columns = [*self.starts, (ledger.file_bytes, 0, self.packets, self.last_time)]
         offset, block, packet, time = (np.array(c) for c in zip(*columns, strict=True))
         complete = np.ones(len(self.starts), dtype=bool)
         complete[[0, -1]] = False
         for at, _ in self.gap_after:
             # The gap lies between two packets, which may belong to two rotations.
             complete[np.searchsorted(packet[:-1], [at - 1, at], side="right") - 1] = False
+        offset = offset.astype(np.int64) if enterable else np.full(len(offset), -1)
         index = RotationIndex(
-            offset.astype(np.int64), block.astype(np.int8), packet.astype(np.int64), time, complete
+            offset, block.astype(np.int8), packet.astype(np.int64), time, complete
         )
         interval = float("nan")
         if self.intervals:
@@ -319,7 +323,10 @@ class _Scan:
             interval = float(medians[order[half], 0])
         common = int(np.gcd.reduce(np.flatnonzero(self.azimuth_seen)))
         product = np.flatnonzero(self.products)
-        statuses = [chr(code) for code in np.flatnonzero(self.statuses) if 32 <= code < 127]
+        modes = np.flatnonzero(self.statuses)
+        statuses = [chr(code) for code in modes if 32 <= code < 127]
+        hdl64e = self.blocks[1] > 0 and self.blocks[2] == 0
+        mode = MODES.get(int(modes[0]), "") if len(modes) == 1 and not hdl64e else ""
         return Inspection(
             index=index,
             ledger=ledger,
@@ -329,7 +336,14 @@ class _Scan:
             azimuth_step_ticks=float(np.searchsorted(np.cumsum(self.steps), self.steps.sum() / 2)),
             azimuth_multiple=common,
             clock=self.clock or "none",
-            block_counts=self.blocks,
+            block_counts={
+                bank: int(n)
+                for bank, n in zip(BANKS, self.blocks, strict=True)
+                if n or bank in BANKS[:2]
+            },
+            dual=2 * self.dual > self.packets,
+            mode=mode,
             product=int(product[0]) if len(product) == 1 else None,
-            status_types="".join(statuses) if self.blocks["lower"] and self._clocked else "",
+            status_types="".join(statuses) if hdl64e and self._clocked else "",
+            status=self.status.result(),
         )

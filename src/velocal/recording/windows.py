@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from velocal import schemas, storage
 from velocal.errors import ConfigError
 from velocal.packets import BLOCKS
-from velocal.recording.framing import Chunk, detect
+from velocal.recording.chunk import Chunk
 from velocal.recording.ledger import Ledger
+from velocal.recording.reading import ANY, Choice, open_recording
 from velocal.recording.rotations import RotationIndex
 
 
@@ -79,9 +80,11 @@ def window_rotations(
 
 
 def read_rotations(
-    path: Path, index: RotationIndex, rotations: NDArray[np.int64]
+    path: Path, index: RotationIndex, rotations: NDArray[np.int64], choice: Choice = ANY
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Read the packets of some rotations.
+
+    A file that cannot be entered in the middle is read from its beginning to the last of them.
 
     Yields
     ------
@@ -90,23 +93,39 @@ def read_rotations(
     rotation : ndarray of int64, shape (n, 12)
         Rotation of every block, -1 where it was not asked for.
     """
-    framing = detect(path)
+    recording = open_recording(path, choice)
     wanted = np.zeros(len(index) + 1, dtype=bool)
     wanted[rotations] = True
-    boundaries = index.packet * BLOCKS + index.block
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
-    with path.open("rb") as file:
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
-            # A rotation that ends inside a packet needs that packet too.
-            stop = int(index.offset[last]) + (1 if index.block[last] else 0)
-            done = int(index.packet[first])
-            ledger = Ledger(file_bytes=0)
-            for chunk in framing.chunks(file, int(index.offset[first]), stop, ledger):
-                n = len(chunk.payloads)
-                if n == 0:
-                    continue
-                number = (done + np.arange(n))[:, None] * BLOCKS + np.arange(BLOCKS)
-                rotation = np.searchsorted(boundaries[:-1], number, side="right") - 1
-                # Only this run: a rotation shorter than a packet lets two runs share that packet.
-                yield chunk, np.where((rotation >= first) & (rotation < last), rotation, -1)
-                done += n
+    runs = list(zip(edges[::2], edges[1::2], strict=True))
+    if index.offset[0] < 0:
+        yield from _counted(recording.packets(Ledger(file_bytes=0)), 0, index, wanted)
+        return
+    for first, last in runs:
+        # A rotation that ends inside a packet needs that packet too.
+        stop = int(index.offset[last]) + (1 if index.block[last] else 0)
+        chunks = recording.packets_from(int(index.offset[first]), stop)
+        # Only this run: a rotation shorter than a packet lets two runs share that packet.
+        run = np.zeros_like(wanted)
+        run[first:last] = True
+        yield from _counted(chunks, int(index.packet[first]), index, run)
+
+
+def _counted(
+    chunks: Iterator[Chunk], done: int, index: RotationIndex, wanted: NDArray[np.bool_]
+) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
+    """Packets of wanted rotations among chunks of which the first begins with packet `done`."""
+    boundaries = index.packet * BLOCKS + index.block
+    end = boundaries[np.flatnonzero(wanted)[-1] + 1] if wanted.any() else 0
+    for chunk in chunks:
+        n = len(chunk)
+        number = (done + np.arange(n))[:, None] * BLOCKS + np.arange(BLOCKS)
+        rotation = np.searchsorted(boundaries[:-1], number, side="right") - 1
+        rotation = np.where(wanted[rotation], rotation, -1)
+        used = np.flatnonzero((rotation >= 0).any(axis=1))
+        if len(used):
+            rows = slice(int(used[0]), int(used[-1]) + 1)
+            yield chunk.take(rows), rotation[rows]
+        done += n
+        if done * BLOCKS >= end:
+            return

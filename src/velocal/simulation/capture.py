@@ -14,20 +14,19 @@ from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.sensors import (
     AZIMUTH_TICK_DEG,
     AZIMUTH_TICKS,
-    DISTANCE_TICK_M,
     SCANNERS,
     Scanner,
 )
 from velocal.simulation.scene import Scene, cast, field_scene
-from velocal.simulation.truth import drift, unit_truth
+from velocal.simulation.status import encode_table, status_bytes, table_packets
+from velocal.simulation.truth import drift, factory_parameters, unit_truth
 from velocal.simulation.world import ScannerWorld, World
+from velocal.status import TABLE_PACKETS
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000
-#: Status of an HDL-64E S2: hours, minutes, seconds, day, month, year, GPS, temperature, firmware.
-_STATUS = [
-    (ord(c), v) for c, v in zip("HMSDNYGTV", (9, 30, 0, 12, 6, 14, 0, 46, 0x28), strict=True)
-]
+#: Of a scanner that has run for long without the halogen light.
+STEADY_DEG_C = 46.0
 
 
 def _network_header() -> bytes:
@@ -59,34 +58,47 @@ class Shots:
     intensity: NDArray[np.uint8]
 
 
-def shots_at(world: World, scanner_name: str, position: str | Scene) -> Shots:
-    """Cast the beams of all lasers at every raw azimuth: what all samples of a position share."""
-    scanner, scene = SCANNERS[scanner_name], _scene(world, scanner_name, position)
+def shots_at(
+    world: World,
+    scanner_name: str,
+    place: str | Scene,
+    azimuths: NDArray[np.integer] | None = None,
+) -> Shots:
+    """Cast the beams of all lasers: what all samples of a position share.
+
+    Parameters
+    ----------
+    world : World
+    scanner_name : str
+    place : str or Scene
+        Position in the surveyed field, or another scene.
+    azimuths : ndarray of int, optional
+        Raw azimuths to cast at; every one if not given, the others have no return.
+    """
+    scanner = SCANNERS[scanner_name]
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
-    pose, surfaces = scene.pose, scene.surfaces
+    scene = place if isinstance(place, Scene) else field_scene(world, scanner_name, place)
+    rows = np.arange(AZIMUTH_TICKS) if azimuths is None else np.unique(azimuths)
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
     noise = np.zeros_like(ticks)
     intensity = np.zeros(ticks.shape, dtype=np.uint8)
-    start = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
+    start = np.deg2rad(rows * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
-        lasers = np.full(AZIMUTH_TICKS, laser)
+        lasers = np.full(len(rows), laser)
         # A laser that fires late in its firing sees the head turned on.
         phi = start + rate * scanner.firing_offset_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
-        length, surface = cast(surfaces, pose.apply(origin), direction @ pose.rotation.T)
-        measured = truth.raw(length, lasers) + scene.errors[:, laser]
+        length, surface = cast(
+            scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
+        )
+        measured = truth.raw(length, lasers) + scene.errors[rows, laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        ticks[seen, laser] = measured[seen] / DISTANCE_TICK_M
-        noise[seen, laser] = truth.noise(length[seen], lasers[seen]) / DISTANCE_TICK_M
-        intensity[seen, laser] = scene.reflectance[surface[seen]]
+        at = rows[seen]
+        ticks[at, laser] = measured[seen] / scanner.distance_tick_m
+        noise[at, laser] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
+        intensity[at, laser] = scene.reflectance[surface[seen]]
     return Shots(ticks, noise, intensity)
-
-
-def _scene(world: World, scanner_name: str, position: str | Scene) -> Scene:
-    if isinstance(position, Scene):
-        return position
-    return field_scene(world, scanner_name, position)
 
 
 def records(
@@ -121,10 +133,7 @@ def records(
     """
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
-    if shots is None:
-        shots = shots_at(world, scanner_name, position)
-    between = position.between if isinstance(position, Scene) else None
-    drift_ticks = drift(world, scanner_name, sample) / DISTANCE_TICK_M
+    drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
     # One rotation more and a bit: the recording begins and ends in the middle of one.
@@ -132,29 +141,63 @@ def records(
     first_angle = rng.uniform(0.0, 360.0)
     first_stamp = int(rng.integers(0, _HOUR_US))
     header = np.frombuffer(_network_header(), dtype=np.uint8)
+    trailing = _trailing(world, scanner, sample)
+    within_packet = np.arange(firings_per_packet) * (packet_interval / firings_per_packet)
+
+    def fired(number: NDArray[np.int64]) -> NDArray[np.float64]:
+        return np.asarray((number[:, None] * packet_interval + within_packet).ravel())
+
+    if shots is None:
+        azimuths = None
+        if packets * firings_per_packet < AZIMUTH_TICKS:  # comes past few azimuths only
+            azimuths = _ticks(first_angle + _turned(fired(np.arange(packets)), unit))
+        shots = shots_at(world, scanner_name, position, azimuths)
     for begin in range(0, packets, CHUNK_PACKETS):
         number = np.arange(begin, min(begin + CHUNK_PACKETS, packets))
         time = number.astype(np.float64) * packet_interval
-        firing_time = time[:, None] + np.arange(firings_per_packet) * (
-            packet_interval / firings_per_packet
-        )
-        angle = first_angle + _turned(firing_time.ravel(), unit)
-        ticks = np.rint(angle / AZIMUTH_TICK_DEG).astype(np.int64) % AZIMUTH_TICKS
-        step = unit.encoder_step_ticks
-        azimuth = np.rint(angle / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step % AZIMUTH_TICKS
-        at = firing_time.ravel() / (packets * packet_interval)
+        firing_time = fired(number)
+        angle = first_angle + _turned(firing_time, unit)
+        ticks = _ticks(angle)
+        azimuth = _ticks(angle, unit.encoder_step_ticks)
+        at = firing_time / (packets * packet_interval)
         shift = _between(drift_ticks, at)
         ideal = shots.ticks[ticks]
-        if between is not None:
-            ideal = between(rng, firing_time.ravel(), np.deg2rad(angle), ideal)
-        distance = _measure(rng, ideal, shift, shots.noise[ticks], unit)
+        if isinstance(position, Scene) and position.between is not None:
+            ideal = position.between(rng, firing_time, np.deg2rad(angle), ideal)
+        noise = shots.noise[ticks]
+        distance = _measure(rng, ideal, shift, noise, unit, scanner.distance_tick_m)
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
         intensity[distance == 0] = 0
-        yield _packed(scanner, number, time, azimuth, distance, intensity, first_stamp, header)
+        stamp = first_stamp + np.rint(time * 1e6).astype(np.int64)
+        status = trailing(number, time / (packets * packet_interval), stamp)
+        stamp %= _HOUR_US
+        yield _packed(scanner, azimuth, distance, intensity, stamp, status, header)
         if progress is not None:
             progress(int(number[-1]) + 1, packets)
+
+
+def _trailing(
+    world: World, scanner: Scanner, sample: str
+) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
+    """What gives the last two bytes of packets, by number, share of the recording and time (us)."""
+    if not scanner.paired:
+        mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
+        return lambda number, share, time_us: np.tile(mode, (len(number), 1))
+    rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)
+    packets = table_packets(encode_table(factory_parameters(world, scanner.name), rpm=rpm))
+    # The recording begins anywhere in the table.
+    first = int(world.rng("status", scanner.name, sample).integers(TABLE_PACKETS))
+    return lambda number, share, time_us: status_bytes(
+        packets, first + number, time_us, STEADY_DEG_C + world.warmth.temperature_k(sample, share)
+    )
+
+
+def _ticks(angle_deg: NDArray[np.float64], step: int = 1) -> NDArray[np.int64]:
+    """Raw azimuth of angles, a multiple of `step`."""
+    turns = np.rint(angle_deg / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step
+    return np.asarray(turns % AZIMUTH_TICKS)
 
 
 def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64]:
@@ -178,13 +221,14 @@ def _measure(
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
     unit: ScannerWorld,
+    tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""
     shots = ideal + shift
     shots += rng.standard_normal(shots.shape, dtype=np.float32) * noise_ticks
     outliers = int(rng.binomial(shots.size, unit.errors.outlier_share))
     where = rng.integers(0, shots.size, outliers)
-    size = unit.errors.outlier_cm * 1e-2 / DISTANCE_TICK_M
+    size = unit.errors.outlier_cm * 1e-2 / tick_m
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan
@@ -194,24 +238,18 @@ def _measure(
 
 def _packed(
     scanner: Scanner,
-    number: NDArray[np.int64],
-    time: NDArray[np.float64],
     azimuth: NDArray[np.int64],
     distance: NDArray[np.uint16],
     intensity: NDArray[np.uint8],
-    first_stamp: int,
+    stamp: NDArray[np.int64],
+    status: NDArray[np.uint8],
     header: NDArray[np.uint8],
 ) -> bytes:
     """Arrange firings in blocks and packets; upper and lower blocks of a firing in turn."""
-    n = len(number)
+    n = len(stamp)
     per_block = len(scanner.flags)
     block_azimuth = np.repeat(azimuth, per_block).reshape(n, BLOCKS)
     flag = np.tile(np.array(scanner.flags, dtype=np.uint16), BLOCKS // per_block)
-    stamp = (first_stamp + np.rint(time * 1e6).astype(np.int64)) % _HOUR_US
-    if scanner.paired:
-        status = np.array(_STATUS, dtype=np.uint8)[number % len(_STATUS)]
-    else:
-        status = np.tile(np.array([0x37, scanner.factory_byte], dtype=np.uint8), (n, 1))
     payload = encode(
         np.tile(flag, (n, 1)),
         block_azimuth.astype(np.uint16),

@@ -110,7 +110,7 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: seed, field, positions, warmth, units, outdoor scenes."""
+    """The whole world: seed, field, positions, warmth, units, survey, outdoor scenes, building."""
 
     seed: int
     field: Mapping[str, Any]
@@ -119,6 +119,7 @@ class World:
     scanners: Mapping[str, ScannerWorld]
     survey: Mapping[str, Any]
     outdoor: Mapping[str, Any] | None = None
+    building: Mapping[str, Any] | None = None
 
     def rng(self, *stream: str) -> np.random.Generator:
         """Random stream of its own for every name: a new sample changes no other."""
@@ -127,14 +128,7 @@ class World:
 
     def pose(self, position: str) -> RigidTransformation:
         """True `T_field_scanner` of a position."""
-        where = self.positions[position]
-        # Heading is clockwise from the field's Y axis, as the rotational angle is.
-        turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
-        tilt = rotation_from_vector(
-            np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
-        )
-        translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
-        return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+        return pose_of(self.positions[position])
 
     def without_errors(self) -> World:
         """The same world with perfect shots and survey; only the parameters stay wrong.
@@ -203,6 +197,17 @@ class World:
         return self.scanners[name]
 
 
+def pose_of(where: Mapping[str, Any]) -> RigidTransformation:
+    """True `T_field_scanner` of an entry of `positions`."""
+    # Heading is clockwise from the field's Y axis, as the rotational angle is.
+    turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
+    tilt = rotation_from_vector(
+        np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
+    )
+    translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
+    return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+
+
 def load(content: Mapping[str, Any]) -> World:
     """Build a world from the (already validated) content of a world file."""
     scanners = {}
@@ -224,4 +229,5 @@ def load(content: Mapping[str, Any]) -> World:
         scanners,
         content["survey"],
         content.get("outdoor"),
+        content.get("building"),
     )

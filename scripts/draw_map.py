@@ -1,0 +1,42 @@
+"""Map of an interior with a section of one wall before and after, and its numbers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from velocal import figures, map_figure, schemas, storage
+from velocal.errors import reported
+from velocal.mapping import clouds, section, summary_table
+
+
+def main(
+    points: Path,
+    svg: Path,
+    png: Path,
+    csv: Path,
+    summary: Path,
+    *,
+    selection: Mapping[str, Any],
+    simulated: bool,
+) -> None:
+    """Write the figure as SVG and PNG, its section as CSV, and the summary of the map as CSV."""
+    columns, facts = storage.read_table(points, schemas.MAP)
+    xyz = clouds(columns)
+    sections = {name: section(xyz, box, name) for name, box in selection["sections"].items()}
+    shown = next(iter(sections.values()))
+    numbers = map_figure.section_table(shown, columns, facts["positions"])
+    scanners = dict(zip(facts["positions"], facts["scanners_m"], strict=True))
+    figure = map_figure.draw_map(xyz["refined"], scanners, numbers, selection, simulated=simulated)
+    figures.save(figure, svg, png)
+    storage.write_csv(csv, numbers)
+    storage.write_csv(summary, summary_table(columns, sections))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.points),
+            *(Path(snakemake.output[name]) for name in ("svg", "png", "csv", "summary")),
+            selection=snakemake.params.figure,
+            simulated=snakemake.params.simulated,
+        )

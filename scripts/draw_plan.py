@@ -1,0 +1,59 @@
+"""Plan of the test field with the medians measured from each position, and its numbers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from velocal import figures, plan_figure, schemas, storage
+from velocal.assignment import Gates
+from velocal.calibration_files.formats import read_or_nominal
+from velocal.errors import reported
+from velocal.sensors import scanner_named
+from velocal.station import patches_of, pose_of
+from velocal.survey import read_targets
+
+
+def main(
+    medians: list[Path],
+    surveys: list[Path],
+    targets: Path,
+    calibration: Path | None,
+    svg: Path,
+    png: Path,
+    csv: Path,
+    *,
+    selection: Mapping[str, Any],
+    gates: Mapping[str, float],
+    simulated: bool,
+) -> None:
+    """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample."""
+    scanner = scanner_named(selection["scanner"])
+    parameters = read_or_nominal(calibration, scanner)
+    surveyed, limits = read_targets(targets, "plane"), Gates.from_config(gates)
+    panels = []
+    for sample, path, survey in zip(selection["samples"], medians, surveys, strict=True):
+        columns, facts = storage.read_table(path, schemas.MEDIANS)
+        station = storage.read_json(survey)
+        rate, at = facts["rotation_rate_hz"], station["position"]
+        patches, pose = patches_of(station), pose_of(station)
+        view = plan_figure.View(at, sample, scanner, rate, columns, parameters, patches, pose)
+        panels.append(plan_figure.plan(view, surveyed, limits))
+    numbers = pd.concat(panels, ignore_index=True)
+    figures.save(plan_figure.draw_plan(numbers, selection, simulated=simulated), svg, png)
+    storage.write_csv(csv, numbers)
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            [Path(path) for path in snakemake.input.medians],
+            [Path(path) for path in snakemake.input.surveys],
+            Path(snakemake.input.targets),
+            Path(c) if (c := snakemake.input.calibration) else None,
+            *(Path(snakemake.output[suffix]) for suffix in ("svg", "png", "csv")),
+            selection=snakemake.params.figure,
+            gates=snakemake.params.gates,
+            simulated=snakemake.params.simulated,
+        )

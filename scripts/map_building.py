@@ -1,0 +1,59 @@
+"""Map of an interior: one rotation per position, decoded and put in one frame."""
+
+from pathlib import Path
+
+from velocal import mapping, schemas, storage
+from velocal.calibration_files import formats
+from velocal.errors import reported
+from velocal.recording.identify import check_scanner
+from velocal.recording.rotations import inspect
+from velocal.returns import returns_of
+from velocal.sensors import scanner_named
+from velocal.survey import read_targets
+
+
+def main(
+    recordings: list[Path],
+    base_map: Path,
+    base_scanner: Path,
+    calibration: Path | None,
+    refined: Path,
+    points: Path,
+    *,
+    scanner: str,
+) -> None:
+    """Write the points with both calibrations as Parquet; recordings are named by position."""
+    known = scanner_named(scanner)
+    sets = [formats.read_or_nominal(calibration, known), formats.read(refined, known.n_lasers)]
+    there = read_targets(base_map, "position")
+    here = read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner))
+    poses = [
+        mapping.scanner_pose(there.of(path.stem, where=str(base_map)), here, where=str(base_map))
+        for path in recordings
+    ]
+    facts = {
+        "positions": [path.stem for path in recordings],
+        "scanners_m": [pose.translation for pose in poses],
+        "set": refined.stem,
+    }
+    with storage.table_writer(points, schemas.MAP, **facts) as writer:
+        for number, (path, pose) in enumerate(zip(recordings, poses, strict=True)):
+            inspection = inspect(path)
+            check_scanner(inspection, known, str(path))
+            first = mapping.first_complete(inspection.index.complete, str(path))
+            rate = inspection.index.rate_hz(first)
+            for columns in returns_of(path, inspection.index, first, known):
+                writer.write(mapping.rows(number, columns, known, rate, sets, pose))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            [Path(path) for path in snakemake.input.recordings],
+            Path(snakemake.input.base_map),
+            Path(snakemake.input.base_scanner),
+            Path(c) if (c := snakemake.input.calibration) else None,
+            Path(snakemake.input.refined),
+            Path(snakemake.output.points),
+            scanner=snakemake.params.scanner,
+        )

@@ -1,0 +1,23 @@
+"""Take the factory's calibration from the status bytes of a recording."""
+
+from pathlib import Path
+
+from velocal.calibration_files import formats
+from velocal.errors import reported
+from velocal.recording.reading import Choice
+from velocal.recording.rotations import inspect
+
+
+def main(recording: Path, calibration: Path, *, choice: Choice) -> None:
+    """Write the calibration; every value as the wire holds it."""
+    status = inspect(recording, choice=choice).status
+    formats.write(calibration, status.calibration(str(recording)))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.recording),
+            Path(snakemake.output.calibration),
+            choice=Choice(snakemake.params.port, snakemake.params.address),
+        )

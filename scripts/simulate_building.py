@@ -1,0 +1,33 @@
+"""Simulate the recordings of a building, one per position, and the survey of the positions."""
+
+from pathlib import Path
+
+from velocal.errors import reported
+from velocal.sheets import read_yaml
+from velocal.simulation import building, capture, world
+from velocal.storage import atomic
+from velocal.survey import write_targets
+
+ROTATIONS = 1  # complete ones; a scan is no more
+
+
+def main(world_file: Path, recordings: list[Path], base: Path) -> None:
+    """Write the records of every position, whose name the file has, and the base targets."""
+    simulated = world.load(read_yaml(world_file))
+    scanner = building.described(simulated)["scanner"]
+    for recording in recordings:
+        position = recording.stem
+        scene = building.scene(simulated, position)
+        with atomic(recording) as temporary, temporary.open("wb") as file:
+            for block in capture.records(simulated, scanner, scene, position, ROTATIONS):
+                file.write(block)
+    write_targets(base, "position", building.base_targets(simulated))
+
+
+if "snakemake" in globals():
+    with reported(snakemake.log[0]):
+        main(
+            Path(snakemake.input.world),
+            [Path(path) for path in snakemake.output.recordings],
+            Path(snakemake.output.base),
+        )

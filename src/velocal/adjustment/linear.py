@@ -1,0 +1,170 @@
+"""Linearised systems, one or a stack of them, and their solution by singular values.
+
+Rows whose weights are known beforehand can be rotated into a few of the same solution; such
+systems are all of one shape, and many are solved at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class System:
+    """A functional model linearised at the current parameters; stacked along leading axes, several.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, u)
+        Design matrix A.
+    w : ndarray, shape (n,)
+        Misclosures.
+    row_std : ndarray, shape (n,)
+        A-priori standard deviation of every misclosure.
+    prior_std : ndarray, shape (u,)
+        A-priori standard deviation of the corrections; infinite for none.
+    shift : ndarray, shape (u,)
+        Current minus initial parameters.
+    size : int, or None
+        Rows before their reduction; None where they are not reduced.
+    """
+
+    matrix: Array
+    w: Array
+    row_std: Array
+    prior_std: Array
+    shift: Array
+    size: int | NDArray[np.integer] | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """Solution of a linearised system, or of a stack of them.
+
+    Attributes
+    ----------
+    delta : ndarray, shape (u,)
+        Corrections of the current parameters.
+    gain : ndarray, shape (u, n)
+        How the parameters answer to the misclosures: errors e of w move them by ``-gain @ e``.
+    cofactor : ndarray, shape (u, u)
+        Covariance of the parameters for misclosures of covariance diag(row_std^2), or of unit
+        variance for solvers that weight all rows alike.
+    prior_part : ndarray, shape (u, u)
+        Covariance that the prior, and what is held, leave; zero without.
+    estimable : ndarray, shape (u, u)
+        Projector on the estimable space, in units of the column scale.
+    basis : ndarray, shape (u, k)
+        Space of the corrections, in their units; columns beyond its rank are zero.
+    singular_values : ndarray
+        Of the scaled matrix; zero where left out.
+    leverage : ndarray, shape (n,)
+        Diagonal of the hat matrix; one minus it are the redundancy numbers.
+    """
+
+    delta: Array
+    gain: Array
+    cofactor: Array
+    prior_part: Array
+    estimable: Array
+    basis: Array
+    singular_values: Array
+    leverage: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations of parameters that the data determine."""
+        return int(np.rint(np.trace(self.estimable)))
+
+
+def rotated(system: System, row_weight: Array | float, row_std: float) -> System:
+    """Rows weighted, then rotated into a triangle; each of the new ones has the weight of all."""
+    n, u = system.matrix.shape
+    rows = np.empty((u + 1, n))
+    rows[:u] = (system.matrix * np.reshape(row_weight, (-1, 1))).T
+    rows[u] = system.w * row_weight
+    # The upper triangle of the raw form, which NumPy would cut out of all rows.
+    raw = np.linalg.qr(rows.T, mode="raw")[0].T[: u + 1]
+    triangle = np.zeros((u + 1, u + 1))
+    triangle[:n] = np.where(np.arange(len(raw))[:, None] <= np.arange(u + 1), raw, 0.0)
+    std = np.full(u + 1, row_std)
+    return System(triangle[:, :u], triangle[:, u], std, system.prior_std, system.shift, n)
+
+
+def across(matrix: Array) -> Array:
+    """Transposed matrix, or stack of matrices."""
+    return np.swapaxes(matrix, -1, -2)
+
+
+def decomposed(
+    system: System,
+    row_weight: Array,
+    scale: Array,
+    floor: Array | float,
+    basis: Array | None,
+    damping: float,
+) -> Step:
+    """Least-squares solution by singular values, in the space of `basis` where that is given.
+
+    Without a basis the directions are found whose singular values exceed `floor` (and machine
+    precision); these are the basis.
+    """
+    weighted = system.matrix * row_weight[..., None]
+    n, u = weighted.shape[-2:]
+    size = np.asarray(n if system.size is None else system.size)[..., None]
+    # A decomposition of the triangle is one of the whole: many rows are touched but once.
+    rotation, weighted = np.linalg.qr(weighted) if n > 3 * u else (None, weighted)
+    if basis is None:
+        _, singular, right = np.linalg.svd(weighted * scale[..., None, :], full_matrices=False)
+        eps = _largest(singular) * np.maximum(size, u) * np.finfo(float).eps
+        found = singular > np.maximum(eps, np.asarray(floor)[..., None])
+        # Fewer rows than parameters stay so when zeros fill them up.
+        found &= np.arange(singular.shape[-1]) < size
+        basis = scale[..., None] * across(right * found[..., None])
+    rank = np.count_nonzero(np.any(basis != 0.0, axis=-2), axis=-1)[..., None]
+    left, singular, right = np.linalg.svd(weighted @ basis, full_matrices=False)
+    # A direction of a given basis may have become empty.
+    kept = singular > _largest(singular) * np.finfo(float).eps ** 2
+    kept &= np.arange(singular.shape[-1]) < rank
+    singular, left = np.where(kept, singular, 0.0), np.where(kept[..., None, :], left, 0.0)
+    if rotation is not None:
+        left = rotation @ left
+    inverse = np.where(kept, 1.0 / np.where(kept, singular, 1.0), 0.0)
+    root = basis @ (across(right) * inverse[..., None, :])
+    gain = (root @ across(left)) * row_weight[..., None, :]
+    if damping > 0.0:
+        least = damping * _largest(singular)
+        filtered = singular**2 / np.where(kept, singular**2 + least**2, 1.0)
+        answer = (root * filtered[..., None, :]) @ across(left) * row_weight[..., None, :]
+    else:
+        answer = gain
+    estimable = np.broadcast_to(np.eye(u), (*weighted.shape[:-2], u, u))
+    prior_part = np.zeros(estimable.shape)
+    if np.any(rank < u):
+        # What is not determined keeps its prior error, and what is shares it: (I - G A) of it.
+        known = np.where(np.isfinite(system.prior_std), system.prior_std, 0.0)
+        left_over = (estimable - gain @ system.matrix) * known
+        short = rank[..., None] < u
+        prior_part = np.where(short, left_over @ across(left_over), prior_part)
+        orthonormal = np.linalg.qr(basis / scale[..., None])[0]
+        orthonormal = orthonormal * (np.arange(basis.shape[-1]) < rank)[..., None, :]
+        estimable = np.where(short, orthonormal @ across(orthonormal), estimable)
+    return Step(
+        delta=-(answer @ system.w[..., None])[..., 0],
+        gain=gain,
+        cofactor=root @ across(root),
+        prior_part=prior_part,
+        estimable=estimable,
+        basis=basis,
+        singular_values=singular,
+        leverage=np.asarray((left**2).sum(axis=-1)),
+    )
+
+
+def _largest(singular: Array) -> Array:
+    return np.asarray(singular.max(axis=-1, keepdims=True, initial=0.0))

@@ -1,0 +1,280 @@
+"""Show, check, convert and compare calibration files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from velocal import __version__
+from velocal.calibration_files import formats
+from velocal.calibration_files.lasers import Calibration
+from velocal.calibration_files.lint import BY_LASERS
+from velocal.calibration_files.lint import lint as find_faults
+from velocal.cli.common import escape
+from velocal.conversion import RANGES_M, RATE_HZ, convert, differences
+from velocal.conversion import apart as points_apart
+from velocal.dialects import DIALECTS, Dialect, dialect_named
+from velocal.errors import ConfigError
+from velocal.parameters import UNITS
+from velocal.sensors import SCANNERS, scanner_named
+from velocal.storage import finite, write_csv
+
+NAMES = ", ".join(DIALECTS)
+#: Headings in the terminal.
+SHORT = {
+    "dist_correction_x_cm": "x_cm",
+    "dist_correction_y_cm": "y_cm",
+    "two_pt_correction_available": "2pt",
+    "focal_distance_cm": "focal",
+    "focal_slope": "slope",
+    "min_intensity": "min",
+    "max_intensity": "max",
+}
+
+app = typer.Typer(
+    help="Show, check, convert and compare calibration files: db.xml, YAML, our CSV and JSON.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .yaml .csv .json")]
+ScannerName = Annotated[
+    str | None,
+    typer.Option("--scanner", help=f"{', '.join(SCANNERS)}. By number of lasers if left out."),
+]
+Rate = Annotated[
+    float | None,
+    typer.Option(
+        "--rate-hz", min=0.1, max=50.0, help="Rotation rate, for azimuths within firings."
+    ),
+]
+
+
+@app.command()
+def show(
+    file: File,
+    scanner: ScannerName = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+) -> None:
+    """Print what a calibration holds, in degrees and centimetres."""
+    found = _read(file, scanner)
+    dialect = formats.dialect_of(found, file)
+    columns = _shown(found)
+    facts: dict[str, Any] = {
+        "file": file.name,
+        "lasers": len(found.parameters),
+        "scanner": _scanner(found, scanner) or "unknown",
+        "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
+        "distance tick": f"{1000 * found.tick_m:g} mm",
+        "provenance": dict(found.provenance),
+    }
+    if as_json:
+        print(json.dumps(finite({**facts, "columns": columns}), indent=1, allow_nan=False))
+        return
+    console = Console(highlight=False)
+    top = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in facts.items():
+        if value:
+            top.add_row(f"[bold]{key}[/]", escape(value if isinstance(value, str) else str(value)))
+    console.print(top)
+    # Plain lines: a table would be cut to the width of the terminal, and lose digits.
+    texts = {"laser": [str(laser) for laser in range(len(found.parameters))]}
+    texts |= {SHORT.get(k, k): [f"{x:.6g}" for x in values] for k, values in columns.items()}
+    widths = [max(map(len, (name, *cells))) for name, cells in texts.items()]
+    for row in (texts.keys(), *zip(*texts.values(), strict=True)):
+        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
+
+
+@app.command()
+def lint(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Calibrations to check.")],
+    scanner: ScannerName = None,
+) -> None:
+    """Look for faults: lasers missing or doubled, units, signs, values that cannot be.
+
+    Exit code 1 if there are any.
+    """
+    known = scanner_named(scanner, where="--scanner") if scanner else None
+    faults = 0
+    for file in files:
+        findings = find_faults(file, known)
+        for finding in findings:
+            print(f"{file}: {finding.code}: {finding.text}")
+        if not findings:
+            print(f"{file}: nothing odd")
+        faults += len(findings)
+    if faults:
+        raise typer.Exit(1)
+
+
+@app.command("convert")
+def convert_file(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="Calibration to read.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="TARGET", help="File to write: .xml .yaml .csv .json")
+    ],
+    source_dialect: Annotated[
+        str | None,
+        typer.Option("--from", help="Dialect of SOURCE. What it says, or manual, if left out."),
+    ] = None,
+    target_dialect: Annotated[
+        str | None,
+        typer.Option(
+            "--to",
+            help=f"Program that will read TARGET: {NAMES}. "
+            "By suffix if left out: .xml veloview, .yaml ros, .csv paper, .json as SOURCE.",
+        ),
+    ] = None,
+    scanner: ScannerName = None,
+    rate_hz: Rate = None,
+    inexact: Annotated[
+        bool, typer.Option("--inexact", help="Write TARGET even if its points differ.")
+    ] = False,
+) -> None:
+    """Write a calibration in another format, with the numbers that its reader needs.
+
+    Programs compute points by different formulas ("dialects"). The numbers are converted such
+    that the reader of TARGET gets the points that SOURCE stands for; where that is impossible,
+    nothing is written unless --inexact is given. A dialect of the same name on both sides keeps
+    all numbers.
+    """
+    found = _read(source, scanner)
+    before = _dialect(found, source, source_dialect, "--from")
+    default = formats.format_of(target).default or before.name
+    after = dialect_named(target_dialect or default, where="--to")
+    if target.suffix.lower() == ".csv" and after.name != "paper":
+        raise ConfigError(
+            f"a CSV cannot hold the dialect {after.name}",
+            where=str(target),
+            allowed="paper",
+            hint="Write .json, which says what it holds.",
+        )
+    name = _scanner(found, scanner)
+    parameters = convert(
+        found.parameters, before, after, scanner=name, rate_hz=rate_hz, inexact=inexact
+    )
+    provenance = {
+        "velocal": __version__,
+        "source": source.name,
+        "sha256": hashlib.sha256(source.read_bytes()).hexdigest(),
+        "dialect": before.name,
+        **({"before": dict(found.provenance)} if found.provenance else {}),
+    }
+    result = replace(
+        found, parameters=parameters, dialect=after.name, scanner=name, provenance=provenance
+    )
+    lost = (found.std or found.covariance) and before != after
+    formats.write(target, replace(result, std={}, covariance={}) if lost else result)
+    print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
+    if inexact and before != after:
+        rate = rate_hz or RATE_HZ
+        print(differences(found.parameters, before, parameters, after, name, rate))
+    if lost:
+        print("Standard deviations belong to the other dialect and were left out")
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="FIRST", help="Calibration.")],
+    second: Annotated[Path, typer.Argument(metavar="SECOND", help="Calibration to compare.")],
+    ranges: Annotated[str, typer.Option(help="Ranges in metres, with commas.")] = ",".join(
+        f"{r:g}" for r in RANGES_M
+    ),
+    first_dialect: Annotated[
+        str | None, typer.Option("--first", help=f"Program that reads FIRST: {NAMES}.")
+    ] = None,
+    second_dialect: Annotated[
+        str | None, typer.Option("--second", help="Program that reads SECOND.")
+    ] = None,
+    scanner: ScannerName = None,
+    rate_hz: Rate = RATE_HZ,
+    picture: Annotated[
+        Path | None, typer.Option("--figure", help="Picture to write (.png; .svg beside it).")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Differences of every laser.")] = None,
+) -> None:
+    """Tell how far the points of two calibrations are apart, at chosen ranges.
+
+    The same file may be given twice, with different programs: that is what the choice of the
+    program costs. Without dialects, the numbers are taken for what the files say they are.
+    """
+    at = _ranges(ranges)
+    a, b = _read(first, scanner), _read(second, scanner)
+    one = _dialect(a, first, first_dialect, "--first")
+    other = _dialect(b, second, second_dialect, "--second")
+    name = _scanner(a, scanner)
+    apart = points_apart(
+        (one, a.parameters), (other, b.parameters), at, scanner=name, rate_hz=rate_hz or RATE_HZ
+    )
+    labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
+    table = Table("range", "median", "95 %", "largest", "of laser", title=" against ".join(labels))
+    for column in table.columns:
+        column.justify = "right"
+    for range_m, row in zip(at, 100.0 * apart, strict=True):
+        numbers = (np.median(row), np.quantile(row, 0.95), row.max())
+        laser = str(int(row.argmax())) if row.max() > 0 else ""
+        table.add_row(f"{range_m:g} m", *(f"{value:.2f} cm" for value in numbers), laser)
+    console = Console(highlight=False)
+    console.print(table)
+    note = "per laser the largest over all azimuths" + (
+        f"; azimuths within a firing of the {name} at {rate_hz:g} Hz" if name else ""
+    )
+    console.print(f"{note[0].upper()}{note[1:]}.")
+    if picture or csv:
+        from velocal.calibration_figure import difference_table, draw_differences
+        from velocal.figures import save
+
+        if csv:
+            write_csv(csv, difference_table(at, apart), digits=4)
+        if picture:
+            figure = draw_differences(at, apart, *labels, note)
+            save(figure, picture.with_suffix(".svg"), picture.with_suffix(".png"))
+
+
+def _read(file: Path, scanner: str | None) -> Calibration:
+    n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
+    return formats.read_calibration(file, n_lasers)
+
+
+def _dialect(found: Calibration, file: Path, named: str | None, where: str) -> Dialect:
+    return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
+
+
+def _scanner(found: Calibration, named: str | None) -> str | None:
+    name = named or found.scanner or BY_LASERS.get(len(found.parameters))
+    return name if name in SCANNERS else None
+
+
+def _ranges(text: str) -> tuple[float, ...]:
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if not found or not all(0.0 < each <= 1000.0 for each in found):
+        raise ConfigError(
+            f"ranges are {text!r}", where="--ranges", allowed="metres, up to 1000", hint="3,10,25"
+        )
+    return found
+
+
+def _shown(found: Calibration) -> dict[str, Any]:
+    """Columns in the units of users, deviations beside their parameter."""
+    units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / np.pi)}
+    columns: dict[str, Any] = {}
+    for name, unit in UNITS.items():
+        suffix, factor = units[unit]
+        columns[f"{name}_{suffix}"] = getattr(found.parameters, name) * factor
+        if name in found.std:
+            columns[f"{name}_std_{suffix}"] = found.std[name] * factor
+    for name, values in found.parameters.carried.items():
+        metres = name.startswith(("dist", "focal_d"))
+        columns[f"{name}_cm" if metres else name] = values * (100.0 if metres else 1.0)
+    return columns

@@ -1,0 +1,68 @@
+"""Chunks of packets as they pass from reader to reader."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Sound data packets that follow one another in a file.
+
+    Attributes
+    ----------
+    payloads : ndarray of uint8, shape (n, 1206)
+        Payload of every packet.
+    offsets : ndarray of int64, shape (n,)
+        Where each packet, with its framing, begins in the file.
+    sizes : ndarray of int64, shape (n,)
+        Bytes of each packet in the file, with its framing.
+    end : int
+        Byte after the last packet looked at.
+    capture_time_s : ndarray of float64, shape (n,), or None
+        Time of capture, where the framing has one.
+    sender : ndarray of int64, shape (n,), or None
+        Source address and destination port as `65536 * address + port`, where the framing has
+        them.
+    """
+
+    payloads: NDArray[np.uint8]
+    offsets: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    end: int
+    capture_time_s: NDArray[np.float64] | None = None
+    sender: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.payloads)
+
+    def take(self, rows: NDArray[np.generic] | slice) -> Chunk:
+        """Some of the packets."""
+        return Chunk(
+            self.payloads[rows],
+            self.offsets[rows],
+            self.sizes[rows],
+            self.end,
+            None if self.capture_time_s is None else self.capture_time_s[rows],
+            None if self.sender is None else self.sender[rows],
+        )
+
+
+def joined(parts: Sequence[Chunk]) -> Chunk:
+    """Chunks of one file as one."""
+    if len(parts) == 1:
+        return parts[0]
+    times = [part.capture_time_s for part in parts if part.capture_time_s is not None]
+    senders = [part.sender for part in parts if part.sender is not None]
+    return Chunk(
+        np.concatenate([part.payloads for part in parts]),
+        np.concatenate([part.offsets for part in parts]),
+        np.concatenate([part.sizes for part in parts]),
+        parts[-1].end,
+        np.concatenate(times) if times else None,
+        np.concatenate(senders) if senders else None,
+    )

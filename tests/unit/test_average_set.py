@@ -1,0 +1,42 @@
+"""The script that writes parameter sets: the same points in every file that it exports."""
+
+import average_set
+import numpy as np
+from unit.test_lint import unit
+
+from velocal import storage
+from velocal.calibration_files import formats
+from velocal.conversion import apart
+from velocal.dialects import DIALECTS, PAPER
+
+
+def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
+    columns = {"laser_id": np.arange(64), "count": np.full(64, 9)}
+    for name, unit_of in (("dl", "m"), ("alpha", "rad"), ("v", "rad")):
+        columns[f"{name}_correction_{unit_of}"] = np.linspace(-0.01, 0.01, 64)
+        columns[f"{name}_std_{unit_of}"] = np.full(64, 0.002)
+        columns[f"{name}_noise_std_{unit_of}"] = np.full(64, 0.001)
+    adjustment = tmp_path / "sa3" / "middle.csv"
+    storage.write_csv(adjustment, columns)
+    formats.write(tmp_path / "factory.xml", unit())
+    files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
+    export = {"yaml": "velodyne_decoder", "xml": "veloview"}
+    average_set.main(
+        [adjustment], tmp_path / "factory.xml", files, tmp_path / "scatter.csv",
+        scanner="HDL-64E", windows=1, weights="equal", export=export,
+    )  # fmt: skip
+    parameters = formats.read(files["csv"], 64)
+    np.testing.assert_allclose(parameters.dl, unit().dl + np.linspace(-0.01, 0.01, 64), atol=1e-15)
+    for suffix, dialect in export.items():
+        found = formats.read_calibration(files[suffix])
+        assert found.dialect == dialect
+        pair = (PAPER, parameters), (DIALECTS[dialect], found.parameters)
+        assert apart(*pair).max() < 1e-12
+        np.testing.assert_allclose(
+            formats.read(files[suffix], 64).voff, parameters.voff, atol=1e-15
+        )
+    known = formats.read_calibration(files["json"])
+    assert (known.dialect, known.scanner) == ("paper", "HDL-64E")
+    np.testing.assert_array_equal(known.parameters.v, parameters.v)
+    np.testing.assert_allclose(known.std["v"], 0.002)
+    assert known.provenance["adjustments"] == ["sa3/middle.csv"]

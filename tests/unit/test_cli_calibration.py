@@ -1,0 +1,186 @@
+"""`velocal calibration` as a user meets it."""
+
+import json
+import re
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+from unit.test_lint import unit
+
+from velocal.calibration_files import formats
+from velocal.calibration_files.lasers import Calibration
+from velocal.cli import app, calibration, main
+from velocal.conversion import apart
+from velocal.dialects import DIALECTS, PAPER
+from velocal.errors import VelocalError
+
+
+@pytest.fixture
+def files(tmp_path):
+    """One unit: as the factory ships it, without near points, and with deviations."""
+    whole = unit()
+    plain = Calibration(
+        parameters=type(whole)(*(getattr(whole, k) for k in ("dl", "alpha", "v", "voff", "hoff"))),
+        dialect="paper",
+        std={"dl": np.full(64, 0.001)},
+        provenance={"study": "x"},
+    )
+    formats.write(tmp_path / "db.xml", whole)
+    formats.write(tmp_path / "set.json", plain)
+    formats.write(tmp_path / "vlp.yaml", unit("VLP-16"))
+    return tmp_path
+
+
+def run(*arguments):
+    """In this process, for speed."""
+    done = CliRunner().invoke(app, ["calibration", *map(str, arguments)], env={"COLUMNS": "200"})
+    if isinstance(done.exception, VelocalError):
+        raise done.exception
+    return done
+
+
+@pytest.mark.parametrize("command", ["", "show", "lint", "convert", "diff"])
+def test_help(command):
+    done = run(*([command] if command else []), "--help")
+    assert done.exit_code == 0
+    text = " ".join(re.sub(r"[│╭╮╰╯─]", " ", done.stdout).split())
+    for part in {
+        "": ["show", "lint", "convert", "diff", "db.xml"],
+        "show": ["degrees and centimetres", "--json"],
+        "lint": ["missing or doubled", "Exit code 1"],
+        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "By suffix if left out"],
+        "diff": ["--ranges", "--figure", "--first", "what the choice of the program costs"],
+    }[command]:
+        assert part in text
+
+
+def test_show(files):
+    done = run("show", files / "set.json")
+    for part in ("HDL-64E", "paper", "2 mm", "dl_std_cm", "study"):
+        assert part in done.stdout
+    facts = json.loads(run("show", files / "db.xml", "--json").stdout)
+    assert facts["dialect"] == "manual (the file does not say)"
+    np.testing.assert_allclose(facts["columns"]["dl_cm"], 100.0 * unit().dl)
+    np.testing.assert_allclose(facts["columns"]["v_deg"], np.rad2deg(unit().v))
+
+
+def test_lint(files):
+    done = run("lint", files / "db.xml", files / "vlp.yaml")
+    assert done.exit_code == 0
+    assert done.stdout.count("nothing odd") == 2
+    (files / "page.xml").write_text("<!DOCTYPE html><html>")
+    done = run("lint", files / "db.xml", files / "page.xml")
+    assert done.exit_code == 1
+    assert "page.xml: unreadable: is a web page" in done.stdout
+
+
+def test_convert_gives_the_reader_the_same_points(files):
+    before = formats.read_calibration(files / "set.json").parameters
+    # VeloView turns the lasers on within a firing, and rounds: 7 mm at 80 m.
+    cases = (("a.xml", "veloview", ("--rate-hz", 10), 0.0075), ("a.yaml", "ros", (), 1e-12))
+    for name, dialect, rate, allowed in cases:
+        done = run("convert", files / "set.json", files / name, *rate)
+        assert f"64 lasers, paper to {dialect}" in done.stdout
+        found = formats.read_calibration(files / name)
+        assert found.dialect == dialect
+        pair = (PAPER, before), (DIALECTS[dialect], found.parameters)
+        assert apart(*pair, scanner="HDL-64E", rate_hz=10.0).max() < allowed
+    # The numbers are others: a reader with the other formula would be off by centimetres.
+    assert apart((PAPER, before), (PAPER, found.parameters)).max() > 0.02
+    back = run("convert", files / "a.yaml", files / "back.csv")
+    assert "ros to paper" in back.stdout
+    np.testing.assert_allclose(formats.read(files / "back.csv", 64).dl, before.dl, atol=1e-15)
+
+
+def test_convert_keeps_what_is_known(files):
+    run("convert", files / "set.json", files / "b.json")
+    found = formats.read_calibration(files / "b.json")
+    np.testing.assert_array_equal(found.std["dl"], np.full(64, 0.001))
+    assert found.scanner == "HDL-64E"
+    assert found.provenance["source"] == "set.json"
+    assert found.provenance["before"] == {"study": "x"}
+    done = run("convert", files / "set.json", files / "c.json", "--to", "ros")
+    assert "Standard deviations belong to the other dialect" in done.stdout
+    assert formats.read_calibration(files / "c.json").std == {}
+
+
+def test_convert_refuses_or_quantifies(files):
+    with pytest.raises(VelocalError, match=r"near-point.* 80 m(.|\n)*Hint: .*--inexact"):
+        run("convert", files / "db.xml", files / "a.yaml")
+    assert not (files / "a.yaml").exists()
+    done = run("convert", files / "db.xml", files / "a.yaml", "--inexact")
+    assert re.search(
+        r"points differ by up to 0\.0 cm at 3 m.* [1-9]\d*\.\d cm at 80 m", done.stdout
+    )
+    to = files / "d.yml", "--to", "velodyne_decoder"
+    with pytest.raises(VelocalError, match=r"interpolate azimuths differently(.|\n)*--rate-hz"):
+        run("convert", files / "set.json", *to)
+    assert run("convert", files / "set.json", *to, "--rate-hz", 10).exit_code == 0
+    same = run("convert", files / "db.xml", files / "same.yaml", "--to", "manual")
+    assert same.exit_code == 0
+    np.testing.assert_array_equal(
+        formats.read_calibration(files / "same.yaml").parameters.dl, unit().dl
+    )
+
+
+def test_diff(files):
+    picture, table = files / "x.png", files / "x.csv"
+    arguments = [files / "db.xml"] * 2 + ["--first", "manual", "--second", "ros"]
+    done = run("diff", *arguments, "--ranges", "5,50", "--figure", picture, "--csv", table)
+    assert done.exit_code == 0
+    assert re.search(r"5 m .* cm .*\n.*50 m", done.stdout)
+    written = pd.read_csv(table)
+    wanted = apart(
+        (DIALECTS["manual"], unit()), (DIALECTS["ros"], unit()), (5.0, 50.0), scanner="HDL-64E"
+    )
+    np.testing.assert_allclose(written["apart_50m_cm"], 100 * wanted[1], atol=1e-4)
+    assert picture.stat().st_size > 10_000
+    assert picture.with_suffix(".svg").exists()
+    same = run("diff", files / "db.xml", files / "db.xml")
+    assert "0.00 cm" in same.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["convert", "{}/db.xml", "{}/a.txt"], "unknown suffix '.txt'.*\nHint: XML is"),
+        (
+            ["convert", "{}/db.xml", "{}/a.csv", "--to", "ros"],
+            "cannot hold.*\nHint: Write",
+        ),
+        (
+            ["convert", "{}/db.xml", "{}/a.xml", "--to", "rviz"],
+            "dialect 'rviz'.*\nHint: Name",
+        ),
+        (["convert", "{}/no.xml", "{}/a.xml"], "cannot be read"),
+        (["diff", "{}/db.xml", "{}/vlp.yaml"], "64 and 16 lasers cannot be compared\nHint: "),
+        (
+            ["diff", "{}/db.xml", "{}/db.xml", "--ranges", "5;6"],
+            "are '5;6'.*\nHint: 3,10,25",
+        ),
+        (["show", "{}/db.xml", "--scanner", "HDL-65"], "unknown scanner 'HDL-65'.*\nHint: "),
+        (["show", "{}/db.xml", "--scanner", "VLP-16"], "holds 64 lasers.*\nHint: Is this the file"),
+        (["lint", "{}/db.xml", "--scanner", "x"], "unknown scanner 'x'"),
+    ],
+)
+def test_wrong_calls_give_one_line_and_a_hint(files, arguments, message):
+    with pytest.raises(VelocalError, match=message):
+        run(*(each.format(files) for each in arguments))
+
+
+def test_wrong_calls_without_a_traceback(files, monkeypatch, capsys):
+    for arguments, code in ((["show", str(files / "no.xml")], 1), (["convert"], 2)):
+        monkeypatch.setattr(sys, "argv", ["velocal", "calibration", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == code
+    text = capsys.readouterr().err
+    assert text.startswith("Error: ")
+    assert "Traceback" not in text
+
+
+def test_names_are_complete():
+    assert calibration.NAMES.split(", ") == list(DIALECTS)

@@ -1,0 +1,116 @@
+# Figures of places: the test field in plan, and the map of an interior.
+#
+# in:   medians, surveys, factory calibration; building of the simulated world
+# out:  {results}/figures/figure_NN.{svg,png,csv}    of the kinds `plan` and `map`
+#       {results}/map/recordings/{position}.bin      simulated, as those of the samples
+#       {results}/map/base_map.csv                   base targets in the frame of the building
+#       {results}/map/points.parquet                 all points, with the factory's calibration and
+#                                                    with a parameter set
+#       {results}/map/summary.csv                    how many points, thickness of walls
+#
+# The pose of every position is adjusted from the targets on the scanner's base, as in the field.
+
+PLANS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "plan"}
+MAPS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "map"}
+
+
+def at_positions(pattern, samples):
+    return [
+        expand(pattern, position=STUDY.samples[name].position)[0] for name in samples
+    ]
+
+
+ruleorder: draw_plan > draw_figure
+
+
+rule draw_plan:
+    input:
+        medians=lambda wildcards: expand(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+            sample=PLANS[wildcards.figure]["samples"],
+            window="middle",
+        ),
+        surveys=lambda wildcards: at_positions(
+            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure]["samples"]
+        ),
+        targets=SURVEY.get("planes", []),
+        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure]["scanner"]),
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_plan/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(PLANS),
+    conda:
+        "../../environment.yml"
+    params:
+        figure=lambda wildcards: PLANS[wildcards.figure],
+        gates=config.get("assignment", {}).get("gates"),
+        simulated=bool(WORLD),
+        library=library("draw_plan"),
+    script:
+        "../../scripts/draw_plan.py"
+
+
+if MAPS:
+    MAP_NUMBER, MAP = next(iter(MAPS.items()))
+
+    ruleorder: draw_map > draw_figure
+
+    rule simulate_building:
+        input:
+            world=WORLD,
+        output:
+            recordings=expand(
+                f"{RESULTS}/map/recordings/{{place}}.bin",
+                place=read_yaml(Path(WORLD)).get("building", {}).get("positions", {}),
+            ),
+            base=f"{RESULTS}/map/base_map.csv",
+        log:
+            f"{RESULTS}/logs/simulate_building.log",
+        conda:
+            "../../environment.yml"
+        params:
+            library=library("simulate_building"),
+        script:
+            "../../scripts/simulate_building.py"
+
+    rule map_building:
+        input:
+            recordings=rules.simulate_building.output.recordings,
+            base_map=rules.simulate_building.output.base,
+            base_scanner=SURVEY["base_scanner"],
+            calibration=factory_path(MAP["scanner"]),
+            refined=f"{RESULTS}/parameter_sets/{MAP['scanner']}/{MAP['set']}.csv",
+        output:
+            points=f"{RESULTS}/map/points.parquet",
+        log:
+            f"{RESULTS}/logs/map_building.log",
+        conda:
+            "../../environment.yml"
+        params:
+            scanner=MAP["scanner"],
+            library=library("map_building"),
+        script:
+            "../../scripts/map_building.py"
+
+    rule draw_map:
+        input:
+            points=rules.map_building.output.points,
+        output:
+            svg=f"{RESULTS}/figures/figure_{MAP_NUMBER}.svg",
+            png=f"{RESULTS}/figures/figure_{MAP_NUMBER}.png",
+            csv=f"{RESULTS}/figures/figure_{MAP_NUMBER}.csv",
+            summary=f"{RESULTS}/map/summary.csv",
+        log:
+            f"{RESULTS}/logs/draw_map.log",
+        conda:
+            "../../environment.yml"
+        params:
+            figure=MAP,
+            simulated=bool(WORLD),
+            library=library("draw_map"),
+        script:
+            "../../scripts/draw_map.py"

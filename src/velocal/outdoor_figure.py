@@ -89,7 +89,9 @@ def draw(
             x=0.01, ha="left", fontsize=9.0, fontweight="bold",
         )  # fmt: skip
         handles, labels = ax.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower left", ncols=3, borderpad=0.1)
+        figure.legend(
+            handles, labels, loc="outside lower left", ncols=3, borderpad=0.1, columnspacing=1.2
+        )
         if simulated:
             figure.text(
                 0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=6.5,

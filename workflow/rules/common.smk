@@ -7,11 +7,8 @@ from velocal.errors import VelocalError
 from velocal.provenance import library_digest
 from velocal.study import WHOLE, WINDOWS, check, check_files, read_study, read_yaml
 
-WORKFLOW = (
-    Path(workflow.basedir)
-    if Path(workflow.basedir).name == "workflow"
-    else (Path(workflow.basedir) / "workflow")
-)
+# Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
+WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW.parent / "scripts"
 CONFIG_NAME = "configuration"
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from velocal import __version__
-from velocal.cli import points, recordings
+from velocal.cli import init, points, recordings
 from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
 
@@ -22,6 +22,7 @@ app = typer.Typer(
 app.command()(recordings.inspect)
 app.command()(recordings.decode)
 app.command()(points.points)
+app.command()(init.init)
 
 
 def main() -> None:

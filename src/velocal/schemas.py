@@ -95,3 +95,19 @@ MAP = _schema(
         ),
     ],
 )
+
+POINTS = _schema(
+    "points",
+    [
+        _field(
+            "x", pa.float32(), "m", "point in the scanner frame, or the frame that was asked for"
+        ),
+        _field("y", pa.float32(), "m", "likewise"),
+        _field("z", pa.float32(), "m", "likewise"),
+        _field("intensity", pa.uint8(), "1", "raw intensity"),
+        _LASER,
+        _field("rotation", pa.uint32(), "1", "rotation in the recording"),
+        _field("time", pa.float64(), "s", "of the shot, since the first packet; NaN without clock"),
+        _field("shift", pa.float32(), "m", "way from the point that the calibration before gives"),
+    ],
+)

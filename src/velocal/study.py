@@ -315,7 +315,9 @@ def check_files(study: Study, made_here: str | None, where: str) -> None:
         named[f"recording of sample {sample.name!r}"] = sample.recording
         if sample.calibration not in given:
             named[f"calibration of sample {sample.name!r}"] = sample.calibration
-    hint = "Paths are relative to the folder in which snakemake runs."
+    hint = (
+        "Put it there, or name another; paths are relative to the folder in which snakemake runs."
+    )
     if made_here:
         hint += f" Simulated files lie below {made_here}."
     for what, path in named.items():

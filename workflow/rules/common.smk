@@ -8,11 +8,8 @@ from velocal.provenance import library_digest
 from velocal.sheets import check, read_yaml
 from velocal.study import WHOLE, WINDOWS, check_files, read_study
 
-WORKFLOW = (
-    Path(workflow.basedir)
-    if Path(workflow.basedir).name == "workflow"
-    else (Path(workflow.basedir) / "workflow")
-)
+# Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
+WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW.parent / "scripts"
 CONFIG_NAME = "configuration"
 

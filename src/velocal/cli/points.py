@@ -1,0 +1,141 @@
+"""Apply a calibration to a recording: files of points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from velocal.calibration_files import formats
+from velocal.cli.common import Recording, ScannerName, escape, progress, scan, scanner_of
+from velocal.errors import ConfigError
+from velocal.parameters import ParameterSet
+from velocal.point_clouds.files import FORMATS, cloud_writer
+from velocal.point_clouds.placing import FRAMES, Settings, raw_returns, stream
+from velocal.recording.rotations import Inspection
+from velocal.sensors import Scanner
+
+#: Rotations that the picture is made of: enough to show noise, few enough to draw.
+PICTURE_ROTATIONS = 3
+
+
+def points(
+    file: Recording,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help=f"File to write: {', '.join(FORMATS)}.")
+    ],
+    calibration: Annotated[
+        str,
+        typer.Option("--calibration", "-c", help="Calibration (.xml, .yaml, .csv), or nominal."),
+    ] = "nominal",
+    before: Annotated[
+        str | None,
+        typer.Option(help="Another calibration: every point gets its shift since that one."),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Picture of the effect, .png (and .svg beside it); needs --before."),
+    ] = None,
+    scanner: ScannerName = None,
+    rotations: Annotated[
+        str, typer.Option(help="A:B, from rotation A up to but without B, as in Python.")
+    ] = ":",
+    every: Annotated[int, typer.Option(min=1, help="Only every so many-th of them.")] = 1,
+    min_range: Annotated[float, typer.Option(min=0.0, help="Nearest points, metres.")] = 0.0,
+    max_range: Annotated[float, typer.Option(min=0.0, help="Farthest points, metres.")] = np.inf,
+    frame: Annotated[
+        str, typer.Option(help="velocal: Y forward, X right; ros: X forward, Y left.")
+    ] = "velocal",
+) -> None:
+    """Write the points of a recording with a calibration: PLY, PCD, LAS, LAZ or Parquet.
+
+    Every point has its laser, rotation, time and intensity. Rotations count from 0; the first and
+    the last are usually cut.
+    """
+    if frame not in FRAMES:
+        raise ConfigError(f"unknown frame {frame!r}", where="--frame", allowed=", ".join(FRAMES))
+    if picture is not None and (before is None or picture.suffix.lower() != ".png"):
+        raise ConfigError(
+            f"{picture.name} cannot be drawn",
+            where="--picture",
+            allowed="a .png, together with --before",
+            hint="The picture shows points before and after: --before nominal, or the old file.",
+        )
+    inspection = scan(file)
+    known, _ = scanner_of(inspection, scanner, file)
+    chosen = _chosen(rotations, every, len(inspection.index))
+    settings = Settings(
+        known,
+        _calibration(calibration, known),
+        None if before is None else _calibration(before, known),
+        min_range or -np.inf,  # negative distances are corrected short ones: keep all
+        max_range,
+        frame,
+    )
+    facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
+    total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())
+    number, moved = 0, 0.0
+    with (
+        cloud_writer(output, shift=before is not None, facts=facts) as write,
+        progress(f"Writing {escape(output.name)}") as (bar, task),
+    ):
+        bar.update(task, total=total)
+        for columns, packets in stream(file, inspection, chosen, settings):
+            write(columns)
+            number += len(columns["x"])
+            moved += float(columns["shift"].sum()) if before is not None else 0.0
+            bar.advance(task, packets)
+    print(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
+    if before is not None:
+        print(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
+    if picture is not None and settings.before is not None:
+        _draw(file, inspection, chosen, settings, (before or "", calibration), picture)
+
+
+def _calibration(name: str, scanner: Scanner) -> ParameterSet:
+    return formats.read_or_nominal(None if name == "nominal" else Path(name), scanner)
+
+
+def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:
+    """Rotations of A:B."""
+    first, colon, last = rotations.partition(":")
+    try:
+        if not colon:
+            raise ValueError
+        part = slice(int(first) if first else None, int(last) if last else None, every)
+    except ValueError:
+        raise ConfigError(
+            f"{rotations!r} is no range", where="--rotations", allowed="A:B, A:, :B or :"
+        ) from None
+    chosen = np.arange(n)[part]
+    if not len(chosen):
+        raise ConfigError(
+            f"{rotations!r} holds no rotation", where="--rotations", allowed=f"within 0:{n}"
+        )
+    return chosen
+
+
+def _draw(
+    file: Path,
+    inspection: Inspection,
+    chosen: NDArray[np.int64],
+    settings: Settings,
+    names: tuple[str, str],
+    picture: Path,
+) -> None:
+    from velocal.figures import save  # matplotlib takes a second to load
+    from velocal.point_clouds.picture import before_and_after
+
+    assert settings.before is not None
+    some = chosen[:PICTURE_ROTATIONS]
+    figure = before_and_after(
+        *raw_returns(file, inspection, some, settings),
+        (settings.before, settings.parameters),
+        [Path(name).name for name in names],
+        f"{file.name}, {settings.scanner.name}, {len(some)} rotations",
+    )
+    save(figure, picture.with_suffix(".svg"), picture)
+    print(f"{picture}: before and after")

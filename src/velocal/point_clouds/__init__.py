@@ -1,0 +1,1 @@
+"""Point clouds: a calibration applied to a recording, and the files that viewers read."""

@@ -1,0 +1,106 @@
+"""The folder that `velocal init` writes."""
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from velocal.cli import app
+from velocal.sensors import SCANNERS
+from velocal.study import read_sheet, read_study, read_yaml
+from velocal.survey import read_targets
+
+GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
+#: Keys that a study of one's own has no use for.
+NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "field", "by_scanner"}
+#: Parameters and priors besides those that are adjusted at first, and choices of figures.
+OPTIONAL = {"voff_cm", "hoff_cm", "scale_cm_per_m", "laser"}
+
+
+def init(folder, *arguments):
+    return CliRunner().invoke(app, ["init", str(folder), *map(str, arguments)])
+
+
+@pytest.mark.parametrize("positions", [1, 2, 5])
+@pytest.mark.parametrize("scanner", SCANNERS)
+def test_untouched_it_is_a_valid_study(scanner, positions, root, tmp_path, monkeypatch):
+    done = init(tmp_path / "new/study", "--scanner", scanner, "--positions", positions)
+    assert done.exit_code == 0, done.output
+    monkeypatch.chdir(tmp_path / "new/study")
+    config = read_yaml(tmp_path / "new/study/config.yaml")
+    study = read_study(config, root / "workflow/schemas", "config")
+    assert study.scanners == [scanner]
+    assert len(study.surveyed) == len(study.positions) == positions
+    assert (
+        len(
+            read_sheet(
+                tmp_path / "new/study/samples.tsv",
+                read_yaml(root / "workflow/schemas/samples.schema.yaml"),
+            )
+        )
+        == positions
+    )
+
+
+def test_next_steps_are_told(tmp_path):
+    done = init(tmp_path / "s", "--scanner", "HDL-64E")
+    for part in ("1. ", "2. ", "3. ", "snakemake --cores", "factory.xml", "report.html"):
+        assert part in done.output
+
+
+def keys(schema):
+    """Names of all properties of a schema, at any depth."""
+    for name, part in schema.get("properties", {}).items():
+        if name not in NOT_WRITTEN:
+            yield name
+            yield from keys(part)
+
+
+def test_every_key_is_there_with_a_comment(root, tmp_path):
+    init(tmp_path / "s")
+    text = (tmp_path / "s/config.yaml").read_text()
+    for key in set(keys(read_yaml(root / "workflow/schemas/config.schema.yaml"))) - OPTIONAL:
+        assert re.search(rf"\b{key}\b.*", text), key
+    for line in text.splitlines():
+        assert (
+            "#" in line
+            or line.endswith(":")
+            or not line.strip()
+            or " samples: [" in line
+            or "all: [" in line
+        ), line
+        assert len(line) <= 110
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_survey_templates_hold_examples_in_comments(name, tmp_path):
+    init(tmp_path / "s", "--scanner", "HDL-32E")
+    path = tmp_path / f"s/survey/{name}.csv"
+    assert len(read_targets(path, GROUPS[name]).name) == 0
+    text = path.read_text()
+    examples = re.findall(r"^# (\S+,\S+,.*)$", text, flags=re.MULTILINE)
+    path.write_text(text + "\n".join(examples) + "\n")
+    assert len(read_targets(path, GROUPS[name]).name) == len(examples) >= 3
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "samples.tsv").write_text("mine")
+    done = init(tmp_path)
+    assert done.exit_code == 1
+    assert "samples.tsv: exists already" in str(done.exception)
+    assert "Hint:" in str(done.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["samples.tsv"]
+    assert (tmp_path / "samples.tsv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scanner", "HDL-65"], "allowed: HDL-64E"),
+        (["--checkout", "nowhere"], "no workflow at"),
+    ],
+)
+def test_wrong_calls(arguments, message, tmp_path):
+    done = init(tmp_path / "s", *arguments)
+    assert message in str(done.exception)
+    assert not (tmp_path / "s").exists()

@@ -19,10 +19,10 @@ from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations, adjust_all
 from velocal.beam_model import laser_beams
 from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
+from velocal.sheets import read_yaml
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
 from velocal.simulation.scene import Scene, cast, field_scene
-from velocal.study import read_yaml
 
 PLANES = 3
 ROTATIONS = 8

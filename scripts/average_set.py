@@ -24,10 +24,7 @@ def main(
     weights: str,
     export: dict[str, str],
 ) -> None:
-    """Write the set by suffix: CSV and JSON with standard deviations, and `export` by dialect.
-
-    The adjustments come sample by sample, `windows` of each.
-    """
+    """Write the set by suffix; the adjustments come sample by sample, `windows` of each."""
     parts = [read_corrections(storage.read_csv(path)) for path in adjustments]
     samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
     means = {kind: average(samples, kind) for kind in ("equal", "covariance")}

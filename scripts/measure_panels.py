@@ -2,20 +2,19 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 
-from velocal import outdoor, schemas, storage
+from velocal import outdoor, storage
 from velocal.calibration_files import formats
 from velocal.errors import reported
 from velocal.field import Cloud
 from velocal.recording.identify import check_scanner
 from velocal.recording.rotations import inspect
 from velocal.recording.windows import window_rotations
-from velocal.returns import write_returns
-from velocal.scans import COLUMNS, first_rotations
+from velocal.returns import read_returns
+from velocal.scans import first_rotations
 from velocal.sensors import scanner_named
 
 
@@ -33,24 +32,22 @@ def main(
     """Write the ledger as JSON and the standard deviations of s as CSV."""
     known = scanner_named(sample["scanner"])
     found = inspect(recording)
-    remarks = check_scanner(found, known, str(recording))
-    with TemporaryDirectory(dir=ledger.parent) as folder:
-        returns = Path(folder) / "returns.parquet"
-        rotations = window_rotations(found.index, "all", None, str(recording))
-        write_returns(recording, found.index, rotations, known, returns)
-        columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
+    said = {"scanner": known.name, "remarks": check_scanner(found, known, str(recording))}
+    rotations = window_rotations(found.index, "all", None, str(recording))
     factory = formats.read_or_nominal(calibration, known)
+    columns = read_returns(recording, found.index, rotations, known)
     shots = first_rotations(columns, len(rotations))
-    cloud = Cloud.of_medians(shots, known, facts["rotation_rate_hz"], factory)
-    candidates = {outdoor.BEFORE: factory}
-    candidates |= {path.stem: formats.read(path, known.n_lasers) for path in sets}
+    cloud = Cloud.of_medians(shots, known, found.index.rate_hz(rotations), factory)
+    others = {path.stem: formats.read(path, known.n_lasers) for path in sets}
     place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
     planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
     heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
-    rows = [heading | row for row in outdoor.panel_rows(cloud, planes, candidates)]
+    rows = [
+        heading | row
+        for row in outdoor.panel_rows(cloud, planes, {outdoor.BEFORE: factory} | others)
+    ]
     storage.write_csv(panels, pd.DataFrame(rows))
-    facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}
-    storage.write_json(ledger, facts)
+    storage.write_json(ledger, {"file": recording.name, **said, **found.as_dict()})
 
 
 if "snakemake" in globals():

@@ -7,8 +7,9 @@ from typing import Any
 
 from velocal import storage
 from velocal.errors import reported
+from velocal.sheets import read_yaml
 from velocal.simulation import replicate, world
-from velocal.study import read_study, read_yaml
+from velocal.study import read_study
 
 
 def main(

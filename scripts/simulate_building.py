@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from velocal.errors import reported
+from velocal.sheets import read_yaml
 from velocal.simulation import building, capture, world
 from velocal.storage import atomic
-from velocal.study import read_yaml
 from velocal.survey import write_targets
 
 ROTATIONS = 1  # complete ones; a scan is no more

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from velocal.calibration_files import formats, table
 from velocal.errors import reported
+from velocal.sheets import read_yaml
 from velocal.simulation import truth, world
-from velocal.study import read_yaml
 
 
 def main(world_file: Path, factory: Path, true: Path, *, scanner: str) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 from velocal import storage
 from velocal.errors import reported
+from velocal.sheets import read_yaml
 from velocal.simulation.tuning import tune
-from velocal.study import read_study, read_yaml
+from velocal.study import read_study
 
 
 def main(

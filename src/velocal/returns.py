@@ -122,6 +122,14 @@ def returns_of(
             progress(packets)
 
 
+def read_returns(
+    recording: Path, index: RotationIndex, rotations: NDArray[np.int64], scanner: Scanner
+) -> dict[str, NDArray[Any]]:
+    """Decode rotations of a short recording into memory: columns of `schemas.RETURNS`."""
+    parts = list(returns_of(recording, index, rotations, scanner))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
 _Part = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
 

@@ -9,8 +9,9 @@ import pytest
 from closed_loop.chain import study_world
 
 from velocal import published, statements
+from velocal.sheets import read_yaml
 from velocal.simulation import replicate, tuning
-from velocal.study import read_study, read_yaml
+from velocal.study import read_study
 
 ROOT = Path(__file__).parents[2]
 WORLD = study_world()

@@ -13,10 +13,10 @@ from building_helpers import ROOM, WORLD, stated
 from velocal import captions, map_figure, mapping, schemas, storage
 from velocal.calibration_files import table
 from velocal.errors import VelocalError
+from velocal.sheets import read_yaml
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_scanner
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.study import read_yaml
 from velocal.survey import write_targets
 
 ROOT = Path(__file__).resolve().parents[2]

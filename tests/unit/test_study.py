@@ -6,7 +6,8 @@ import pytest
 import yaml
 
 from velocal.errors import ConfigError
-from velocal.study import check, check_files, read_sheet, read_study, read_yaml
+from velocal.sheets import check, read_sheet, read_yaml
+from velocal.study import check_files, read_study
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from velocal.errors import VelocalError
 from velocal.provenance import library_digest
-from velocal.study import WHOLE, WINDOWS, check, check_files, read_study, read_yaml
+from velocal.sheets import check, read_yaml
+from velocal.study import WHOLE, WINDOWS, check_files, read_study
 
 WORKFLOW = (
     Path(workflow.basedir)

@@ -227,11 +227,17 @@ def iterate(
                 closed.append(number)
         here = _mixed(there, here, rejected) if rejected else there
         open_ = [number for number in open_ if number not in closed]
-    for number, block in enumerate(blocks):
-        if sizes[number]:
-            # Quality belongs to the final parameters, undamped.
-            shift = x[number] - start[number]
-            block.step = solver.step(_system(here, block, prior_std, shift), block.basis)
+    # Quality belongs to the final parameters, undamped.
+    ended = [number for number, size in enumerate(sizes) if size]
+    last = [
+        solver.reduced(
+            _system(here, blocks[number], prior_std, x[number] - start[number]), keep=True
+        )
+        for number in ended
+    ]
+    found = steps(solver, last, [blocks[number].basis for number in ended])
+    for number, system, step in zip(ended, last, found, strict=True):
+        blocks[number].step = step.unreduced(system)
     return x, here, blocks
 
 

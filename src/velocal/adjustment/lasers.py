@@ -212,6 +212,7 @@ def adjust_all(
         station=data.station_number,
         plane=data.plane_number,
     )
+    noise = _block_covariance(data, blocks, final, stochastic)
     results = []
     for laser, block in enumerate(blocks):
         rows = block.rows
@@ -220,13 +221,13 @@ def adjust_all(
             continue
         results.append(
             _quality(
-                data.phi[rows],
                 names,
                 x[laser],
                 block,
                 Evaluation(final.w[rows], final.matrix[rows], final.row_std[rows]),
                 stochastic,
                 by.of(rows),
+                None if noise is None else (noise[0][laser], noise[1][laser]),
             )
         )
     return results
@@ -244,32 +245,49 @@ def adjust_laser(
     return adjust_all(observations.of(laser), initial, names, solver, stochastic)[laser]
 
 
+def _block_covariance(
+    data: Observations, blocks: Sequence[Block], final: Evaluation, stochastic: Stochastic
+) -> tuple[Array, Array] | None:
+    """`quality.block_covariance` of all lasers; None where rows are independent, or none are."""
+    steps = [block.step for block in blocks]
+    gains = [step.gain for step in steps if step is not None]
+    if stochastic.block_rad is None or not gains:
+        return None
+    laser, station, plane = data.laser_id.astype(int), data.station_number, data.plane_number
+    group = (laser * (int(station.max()) + 1) + station) * (int(plane.max()) + 1) + plane
+    return quality.block_covariance(
+        np.concatenate(gains, axis=1),
+        final.w,
+        block_numbers(data.phi, group, stochastic.block_rad),
+        final.matrix,
+        final.row_std,
+        laser,
+        np.array([0 if step is None else step.rank for step in steps]),
+    )
+
+
 def _quality(
-    phi: Array,
     names: Sequence[str],
     corrections: Array,
     block: Block,
     final: Evaluation,
     stochastic: Stochastic,
     by: nuisance.Derivatives,
+    correlated: tuple[Array, Array] | None,
 ) -> Adjustment:
-    """Result of one laser with all its quality."""
+    """Result of one laser with all its quality; noise and freedom of `correlated` if there are."""
     step = block.step
     assert step is not None
     residuals, n = final.w, len(final.w)
     redundancy = n - step.rank
     squares = float(np.sum((residuals / final.row_std) ** 2))
     factor = squares / redundancy if redundancy > 0 else float("nan")
-    if stochastic.block_rad is None or redundancy <= 0:
+    if correlated is None or redundancy <= 0:
         known = factor if redundancy > 0 else 1.0
         noise = quality.independent_covariance(step, final.row_std, known)
         freedom = np.full(len(names), float(max(redundancy, 1)))
     else:
-        group = by.station * (int(by.number.max()) + 1) + by.number
-        blocks = block_numbers(phi, group, stochastic.block_rad)
-        noise, freedom = quality.block_covariance(
-            step, residuals, blocks, final.matrix, final.row_std
-        )
+        noise, freedom = correlated
     parts = {"noise": noise, "prior": step.prior_part}
     parts |= dict(
         nuisance.contributions(step.gain, stochastic, by, scale_adjusted="scale" in names)

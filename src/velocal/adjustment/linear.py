@@ -6,7 +6,7 @@ systems are all of one shape, and many are solved at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class System:
         Current minus initial parameters.
     size : int, or None
         Rows before their reduction; None where they are not reduced.
+    rotation, row_weight : ndarray, shape (n, u + 1), (n,), or None
+        What reduced them, if it is kept: reduced rows are ``rotation.T @ (row_weight * rows)``.
     """
 
     matrix: Array
@@ -40,6 +42,8 @@ class System:
     prior_std: Array
     shift: Array
     size: int | NDArray[np.integer] | None = None
+    rotation: Array | None = None
+    row_weight: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,8 @@ class Step:
         Space of the corrections, in their units; columns beyond its rank are zero.
     singular_values : ndarray
         Of the scaled matrix; zero where left out.
-    leverage : ndarray, shape (n,)
-        Diagonal of the hat matrix; one minus it are the redundancy numbers.
+    left : ndarray, shape (n, k)
+        Root of the hat matrix, in units of the weighted rows.
     """
 
     delta: Array
@@ -74,26 +78,60 @@ class Step:
     estimable: Array
     basis: Array
     singular_values: Array
-    leverage: Array
+    left: Array
 
     @property
     def rank(self) -> int:
         """Number of combinations of parameters that the data determine."""
         return int(np.rint(np.trace(self.estimable)))
 
+    @property
+    def leverage(self) -> Array:
+        """Diagonal of the hat matrix, shape (n,); one minus it are the redundancy numbers."""
+        return np.asarray((self.left**2).sum(axis=-1))
 
-def rotated(system: System, row_weight: Array | float, row_std: float) -> System:
-    """Rows weighted, then rotated into a triangle; each of the new ones has the weight of all."""
+    def unreduced(self, system: System) -> Step:
+        """Return the solution for all rows of a reduced system that has kept its rotation."""
+        if system.rotation is None or system.row_weight is None:
+            return self
+        gain = (self.gain @ system.rotation.T) * system.row_weight
+        return replace(self, gain=gain, left=system.rotation @ self.left)
+
+
+def rotated(system: System, row_weight: Array, row_std: float, *, keep: bool) -> System:
+    """Rows weighted, then rotated into a triangle; each of the new ones has the weight of all.
+
+    Parameters
+    ----------
+    system : System
+    row_weight : ndarray, shape (n,)
+    row_std : float
+        Of the new rows.
+    keep : bool
+        Whether to keep the rotation, which costs as much as the triangle.
+    """
     n, u = system.matrix.shape
     rows = np.empty((u + 1, n))
-    rows[:u] = (system.matrix * np.reshape(row_weight, (-1, 1))).T
-    rows[u] = system.w * row_weight
-    # The upper triangle of the raw form, which NumPy would cut out of all rows.
-    raw = np.linalg.qr(rows.T, mode="raw")[0].T[: u + 1]
-    triangle = np.zeros((u + 1, u + 1))
-    triangle[:n] = np.where(np.arange(len(raw))[:, None] <= np.arange(u + 1), raw, 0.0)
-    std = np.full(u + 1, row_std)
-    return System(triangle[:, :u], triangle[:, u], std, system.prior_std, system.shift, n)
+    np.multiply(system.matrix.T, row_weight, out=rows[:u])
+    np.multiply(system.w, row_weight, out=rows[u])
+    rotation, triangle = None, np.zeros((u + 1, u + 1))
+    if keep:
+        rotation = np.zeros((n, u + 1))
+        rotation[:, : min(n, u + 1)], triangle[:n] = np.linalg.qr(rows.T)
+    else:
+        # The upper triangle of the raw form, which NumPy would cut out of all rows.
+        raw = np.linalg.qr(rows.T, mode="raw")[0].T[: u + 1]
+        triangle[:n] = np.where(np.arange(len(raw))[:, None] <= np.arange(u + 1), raw, 0.0)
+    return System(
+        triangle[:, :u],
+        triangle[:, u],
+        np.full(u + 1, row_std),
+        system.prior_std,
+        system.shift,
+        n,
+        rotation,
+        row_weight,
+    )
 
 
 def across(matrix: Array) -> Array:
@@ -162,7 +200,7 @@ def decomposed(
         estimable=estimable,
         basis=basis,
         singular_values=singular,
-        leverage=np.asarray((left**2).sum(axis=-1)),
+        left=left,
     )
 
 

@@ -28,9 +28,15 @@ def independent_covariance(step: Step, row_std: Array, variance_factor: float) -
 
 
 def block_covariance(
-    step: Step, residuals: Array, block: NDArray[np.int64], matrix: Array, row_std: Array
+    gain: Array,
+    residuals: Array,
+    block: NDArray[np.int64],
+    matrix: Array,
+    row_std: Array,
+    laser_id: NDArray[np.integer],
+    rank: NDArray[np.integer],
 ) -> tuple[Array, Array]:
-    """Covariance for misclosures that are correlated within blocks.
+    """Covariance for misclosures that are correlated within blocks, for every laser.
 
     The sum over blocks of the outer product of what the residuals of a block do to the
     parameters. Residuals are smaller than errors, the more so in blocks that a parameter hangs
@@ -40,45 +46,69 @@ def block_covariance(
 
     Parameters
     ----------
-    step : Step
+    gain : ndarray, shape (u, n)
+        Answer of the parameters of its laser to every misclosure (`Step.gain`).
     residuals : ndarray, shape (n,)
     block : ndarray of int, shape (n,)
-        Block of every row.
+        Block of every row, numbered 0, 1, ... laser after laser.
     matrix : ndarray, shape (n, u)
         Design matrix.
     row_std : ndarray, shape (n,)
         A-priori standard deviations of the misclosures.
+    laser_id : ndarray of int, shape (n,)
+        Laser of every row.
+    rank : ndarray of int, shape (lasers,)
+        Of every laser.
 
     Returns
     -------
-    covariance : ndarray, shape (u, u)
-    freedom : ndarray, shape (u,)
+    covariance : ndarray, shape (lasers, u, u)
+    freedom : ndarray, shape (lasers, u)
         Degrees of freedom of the variance of each parameter, at least 1.
 
     Notes
     -----
     With G_g, A_g the gain and design of block g, e the misclosures, and all parameters
-    determined or held by what `step` says, the residuals are ``e - A G e``; so the score of g is
-    ``G_g e_g - K_g G e`` with K_g = G_g A_g, and E[score_g score_h'] = delta_gh S_g - K_g S_h
-    - S_g K_h' + K_g S K_h' with S_g = G_g D_g G_g', S their sum. Blocks that are too few to show
-    a variance leave it to the variance factor, as if the rows of a block were one.
+    determined or held by what the adjustment says, the residuals are ``e - A G e``; so the score
+    of g is ``G_g e_g - K_g G e`` with K_g = G_g A_g, and E[score_g score_h'] = delta_gh S_g
+    - K_g S_h - S_g K_h' + K_g S K_h' with S_g = G_g D_g G_g', S their sum. Blocks that are too
+    few to show a variance leave it to the variance factor, as if the rows of a block were one.
     """
-    u = len(step.gain)
-    order = np.argsort(block, kind="stable")
-    start = np.flatnonzero(np.diff(block[order], prepend=-1))
-    gain = step.gain[:, order]
-    scaled = gain * row_std[order]
-    columns = matrix[order].T
+    u, lasers = len(gain), len(rank)
+    blocks = int(block.max()) + 1
+    scaled = gain * row_std
 
     def sums(values: Array) -> Array:
-        """Over every block; row by row, as products of all rows would not stay in the cache."""
-        return np.asarray(np.add.reduceat(values, start))
+        return np.bincount(block, values, blocks).astype(np.float64, copy=False)
 
-    score = np.stack([sums(row) for row in gain * residuals[order]])
-    k = np.stack([[sums(row * column) for column in columns] for row in gain])
-    s = np.empty(k.shape)
-    for i, j in zip(*np.tril_indices(u), strict=True):
-        s[i, j] = s[j, i] = sums(scaled[i] * scaled[j])
+    score = np.array([sums(row * residuals) for row in gain])
+    k = np.array([[sums(row * column) for column in matrix.T] for row in gain])
+    s = np.empty((u, u, blocks))
+    for i in range(u):
+        for j in range(i + 1):
+            s[i, j] = s[j, i] = sums(scaled[i] * scaled[j])
+    owner = np.empty(blocks, dtype=np.int64)
+    owner[block] = laser_id
+    ends = np.cumsum(np.bincount(owner, minlength=lasers))
+    rows = np.bincount(block)
+    squares = np.bincount(laser_id, (residuals / row_std) ** 2, lasers)
+    redundancy = np.bincount(laser_id, minlength=lasers) - rank
+    covariance, freedom = np.zeros((lasers, u, u)), np.ones((lasers, u))
+    for laser in np.unique(owner):
+        own = slice(ends[laser - 1] if laser else 0, ends[laser])
+        factor = squares[laser] / max(redundancy[laser], 1)
+        covariance[laser], freedom[laser] = _of_blocks(
+            score[:, own], k[..., own], s[..., own], factor * rows[own].max()
+        )
+    return covariance, freedom
+
+
+def _of_blocks(score: Array, k: Array, s: Array, instead: float) -> tuple[Array, Array]:
+    """Covariance and freedom of one laser from score, K and S of its blocks, the last axis.
+
+    `instead` is the share of its formal variance that a parameter gets whose blocks show none.
+    """
+    u = len(score)
     whole = s.sum(axis=2)
     # What the errors of block h do to the score of block g in parameter j is, but for S_g, the
     # element (g, h) of F' M F: of low rank, so that no matrix of all pairs of blocks is needed.
@@ -95,10 +125,7 @@ def block_covariance(
     safe = np.where(shown, total, 1.0)
     scale = np.sqrt(np.where(shown, variance / safe, 0.0))
     covariance = scale[:, None] * (score @ score.T) * scale
-    if not shown.all():
-        factor = np.sum((residuals / row_std) ** 2) / max(len(residuals) - step.rank, 1)
-        rows = np.diff(start, append=len(block)).max()
-        covariance += np.diag(np.where(shown, 0.0, factor * rows * variance))
+    covariance += np.diag(np.where(shown, 0.0, instead * variance))
     freedom = np.where(shown, safe**2 / np.maximum(spread, 1e-300), 1.0)
     return NEIGHBOURS * covariance, np.maximum(freedom, 1.0)
 

@@ -76,6 +76,6 @@ class Robust:
         """Nothing: weights change with every step, so that no one sum is minimised."""
         return 0.0
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """Return the system: every row has its own weight."""
         return system

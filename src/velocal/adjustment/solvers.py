@@ -38,8 +38,15 @@ class Solver(Protocol):
         """What the solver minimises, at the current parameters."""
         ...
 
-    def reduced(self, system: System) -> System:
-        """Return a system of u + 1 rows of the same solution and objective; itself if none is."""
+    def reduced(self, system: System, *, keep: bool = False) -> System:
+        """Return a system of u + 1 rows of the same solution and objective; itself if none is.
+
+        Parameters
+        ----------
+        system : System
+        keep : bool
+            Whether to keep what `Step.unreduced` needs.
+        """
         ...
 
 
@@ -53,14 +60,13 @@ def steps(solver: Solver, systems: Sequence[System], bases: Sequence[Array | Non
     bases : sequence
         Of each; see `Solver.step`. None is for all of them.
     """
-    first = systems[0]
-    if first.size is None:
+    if not systems or systems[0].size is None:
         return [solver.step(*each) for each in zip(systems, bases, strict=True)]
     stack = System(
         np.stack([system.matrix for system in systems]),
         np.stack([system.w for system in systems]),
         np.stack([system.row_std for system in systems]),
-        first.prior_std,
+        systems[0].prior_std,
         np.stack([system.shift for system in systems]),
         np.array([system.size for system in systems]),
     )
@@ -79,7 +85,8 @@ def _column_scale(matrix: Array) -> Array:
 
 def _alike(row_std: Array) -> Array:
     """One standard deviation that stands for all, where rows are weighted alike."""
-    return np.asarray(np.sqrt(np.mean(row_std**2, axis=-1)))
+    squares = np.einsum("...n,...n->...", row_std, row_std)
+    return np.asarray(np.sqrt(squares / row_std.shape[-1]))
 
 
 def _squares(system: System) -> float:
@@ -115,7 +122,7 @@ class OrdinaryLeastSquares:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """Return the system: corrections are refined with all its rows."""
         return system
 
@@ -148,9 +155,9 @@ class GaussHelmert:
         """Weighted sum of squared misclosures."""
         return _squares(system)
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """See `Solver.reduced`."""
-        return rotated(system, 1.0 / system.row_std, 1.0)
+        return rotated(system, 1.0 / system.row_std, 1.0, keep=keep)
 
 
 @dataclass(frozen=True)
@@ -181,9 +188,9 @@ class PaperModel:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """See `Solver.reduced`."""
-        return rotated(system, 1.0, float(_alike(system.row_std)))
+        return rotated(system, np.ones(len(system.w)), float(_alike(system.row_std)), keep=keep)
 
 
 @dataclass(frozen=True)
@@ -224,7 +231,7 @@ class PaperLiteral:
         """Sum of squared misclosures."""
         return float(system.w @ system.w)
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """Return the system: this is the form with all its rows."""
         return system
 
@@ -265,13 +272,13 @@ class WithPrior:
             cofactor=step.cofactor - prior_part,
             prior_part=prior_part,
             estimable=estimable,
-            leverage=step.leverage[..., :n],
+            left=step.left[..., :n, :],
         )
 
     def objective(self, system: System) -> float:
         """Weighted sum of squared misclosures and corrections."""
         return _squares(system) + float(np.sum((system.shift / system.prior_std) ** 2))
 
-    def reduced(self, system: System) -> System:
+    def reduced(self, system: System, *, keep: bool = False) -> System:
         """See `Solver.reduced`."""
-        return rotated(system, 1.0 / system.row_std, 1.0)
+        return rotated(system, 1.0 / system.row_std, 1.0, keep=keep)

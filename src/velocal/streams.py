@@ -12,17 +12,29 @@ def stream_path(results: str, sample: str) -> str:
     return f"{results.rstrip('/')}/recordings/{sample}/calibration.xml"
 
 
-def name_streams(rows: Iterable[MutableMapping[str, str]], results: str, where: str) -> None:
+def name_streams(
+    rows: Iterable[MutableMapping[str, str]],
+    results: str,
+    where: str,
+    first: dict[str, str] | None = None,
+) -> None:
     """Put that path where rows of a sheet say `stream`.
 
-    The surveyed samples of a scanner share one factory: what the recording of the first holds.
+    Parameters
+    ----------
+    rows : iterable of mapping
+        Of a sheet.
+    results, where : str
+        Folder of the results; how to call the sheet in errors.
+    first : dict of str to str, optional
+        First sample of every scanner so far, filled: samples share what its recording holds.
+        Without it every recording is its own source.
 
     Raises
     ------
     ConfigError
         If the scanner sends no calibration.
     """
-    first: dict[str, str] = {}
     for row in rows:
         if row["calibration"] != "stream":
             continue
@@ -34,5 +46,5 @@ def name_streams(rows: Iterable[MutableMapping[str, str]], results: str, where: 
                 allowed="'stream' for HDL-64E (S2 from firmware 4.07 on) and HDL-64E-S3",
                 hint="Name a calibration file, or `nominal`.",
             )
-        source = first.setdefault(scanner, name) if "position" in row else name
+        source = name if first is None else first.setdefault(scanner, name)
         row["calibration"] = stream_path(results, source)

@@ -139,12 +139,13 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
         For the first fault found.
     """
     check(config, read_yaml(schemas / "config.schema.yaml"), where)
+    streams: dict[str, str] = {}
     surveyed: dict[str, Sample] = {}
     field: dict[str, Sample] = {}
     if "samples" in config:
         sheet = Path(config["samples"])
         rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
-        name_streams(rows, config["results"], str(sheet))
+        name_streams(rows, config["results"], str(sheet), streams)
         surveyed = {
             row["sample"]: Sample(
                 row["sample"], row["scanner"], row["position"], row["recording"],
@@ -168,6 +169,7 @@ def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
     if "outdoor" in config:
         sheet = Path(config["outdoor"]["samples"])
         rows = read_sheet(sheet, read_yaml(schemas / "outdoor_samples.schema.yaml"))
+        name_streams(rows, config["results"], str(sheet), streams)
         outdoor = {row["sample"]: OutdoorSample.of(row) for row in rows}
     study = Study(config, surveyed, field, outdoor)
     _check_references(study, where)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from closed_loop.chain import run, study_world
 
-from velocal.adjustment.solvers import PaperModel
+from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic
 
 NAMES = ("dl", "alpha", "v")
@@ -26,7 +26,7 @@ def loops(tmp_path_factory):
             rotations=26,
             names=NAMES,
             planes=("short_wall", "long_wall", "floor"),
-            solver=PaperModel(truncate_at=1.0),
+            solver=WithPrior(),
             stochastic=Stochastic(0.01, PRIOR),
             from_stream=from_stream,
         )

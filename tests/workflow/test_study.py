@@ -161,8 +161,10 @@ def test_a_study_starts_from_its_own_recording(tmp_path):
     """`stream` in the sheet: no calibration file is handed over, none is planned to be made."""
     folder = copy_project(tmp_path / "project")
     make_tiny(folder)
-    sheet, config = folder / "config/samples.tsv", folder / "config/config.yaml"
-    sheet.write_text(sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "stream"))
+    config = folder / "config/config.yaml"
+    for sheet in (folder / "config").glob("*.tsv"):
+        text = sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "stream")
+        sheet.write_text(text)
     # The table takes 4160 packets from where it begins: 24 rotations hold it for sure.
     config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))
     asked = "results/adjustment/sa3/beginning.csv"

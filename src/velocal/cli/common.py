@@ -19,6 +19,7 @@ from rich.progress import (
 )
 
 from velocal.errors import ConfigError
+from velocal.packets import CHOICES
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.reading import Choice
 from velocal.recording.rotations import Inspection, inspect
@@ -45,6 +46,29 @@ ScannerName = Annotated[
     str | None,
     typer.Option("--scanner", help=f"What made it: {', '.join(SCANNERS)}. Found if left out."),
 ]
+
+
+Returns = Annotated[
+    str,
+    typer.Option("--return", help="Of shots with two returns: both, strongest or last."),
+]
+
+
+def check_returns(returns: str) -> None:
+    """Check the choice of returns.
+
+    Raises
+    ------
+    ConfigError
+        If it is unknown.
+    """
+    if returns not in CHOICES:
+        raise ConfigError(
+            f"unknown return {returns!r}",
+            where="--return",
+            allowed=", ".join(CHOICES),
+            hint="It matters only where a scanner was set to dual return.",
+        )
 
 
 def escape(text: str) -> str:

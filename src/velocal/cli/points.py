@@ -10,11 +10,23 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration_files import formats
-from velocal.cli.common import Recording, ScannerName, escape, progress, scan, scanner_of
+from velocal.cli.common import (
+    Address,
+    Port,
+    Recording,
+    Returns,
+    ScannerName,
+    check_returns,
+    escape,
+    progress,
+    scan,
+    scanner_of,
+)
 from velocal.errors import ConfigError
 from velocal.parameters import ParameterSet
 from velocal.point_clouds.files import FORMATS, cloud_writer
 from velocal.point_clouds.placing import FRAMES, Settings, raw_returns, stream
+from velocal.recording.reading import Choice
 from velocal.recording.rotations import Inspection
 from velocal.sensors import Scanner
 
@@ -40,6 +52,9 @@ def points(
         typer.Option(help="Picture of the effect, .png (and .svg beside it); needs --before."),
     ] = None,
     scanner: ScannerName = None,
+    port: Port = None,
+    address: Address = None,
+    returns: Returns = "strongest",
     rotations: Annotated[
         str, typer.Option(help="A:B, from rotation A up to but without B, as in Python.")
     ] = ":",
@@ -64,7 +79,9 @@ def points(
             allowed="a .png, together with --before",
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
-    inspection = scan(file)
+    check_returns(returns)
+    choice = Choice(port, address)
+    inspection = scan(file, choice)
     known, _ = scanner_of(inspection, scanner, file)
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
@@ -74,6 +91,8 @@ def points(
         min_range or -np.inf,  # negative distances are corrected short ones: keep all
         max_range,
         frame,
+        returns,
+        choice,
     )
     facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
     total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())

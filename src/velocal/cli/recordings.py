@@ -14,14 +14,15 @@ from velocal.cli.common import (
     Address,
     Port,
     Recording,
+    Returns,
     ScannerName,
+    check_returns,
     escape,
     progress,
     scan,
     scanner_of,
 )
 from velocal.errors import ConfigError
-from velocal.packets import CHOICES
 from velocal.recording.reading import Choice
 from velocal.recording.rotations import Inspection
 from velocal.recording.windows import window_rotations
@@ -111,23 +112,14 @@ def decode(
     rotations: Annotated[int, typer.Option(min=1, help="Complete rotations of a window.")] = 100,
     port: Port = None,
     address: Address = None,
-    returns: Annotated[
-        str,
-        typer.Option("--return", help="Of shots with two returns: both, strongest or last."),
-    ] = "both",
+    returns: Returns = "both",
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
     if window not in ("all", "beginning", "middle", "end"):
         raise ConfigError(
             f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
         )
-    if returns not in CHOICES:
-        raise ConfigError(
-            f"unknown return {returns!r}",
-            where="--return",
-            allowed=", ".join(CHOICES),
-            hint="It matters only where a scanner was set to dual return.",
-        )
+    check_returns(returns)
     choice = Choice(port, address)
     inspection = scan(file, choice)
     known, _ = scanner_of(inspection, scanner, file)

@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.beam_model import angle_from_ticks, distance_from_ticks
-from velocal.packets import Firings, decode
+from velocal.packets import BLOCKS, Firings, decode, view
 from velocal.parameters import ParameterSet
+from velocal.recording.reading import ANY, Choice
 from velocal.recording.rotations import Inspection
 from velocal.recording.windows import read_rotations
-from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, DISTANCE_TICK_M, Scanner
+from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 
 Columns = dict[str, NDArray[Any]]
 
@@ -57,6 +58,10 @@ class Settings:
         Limits of the calibrated distance.
     frame : {"velocal", "ros"}
         Y forward and X right, as everywhere here, or X forward and Y left.
+    returns : {"strongest", "last", "both"}
+        Which return, where a shot has two.
+    choice : Choice
+        Which of several scanners of the recording, as when it was inspected.
     """
 
     scanner: Scanner
@@ -65,6 +70,8 @@ class Settings:
     min_range_m: float = -np.inf
     max_range_m: float = np.inf
     frame: str = "velocal"
+    returns: str = "strongest"
+    choice: Choice = ANY
 
 
 def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
@@ -82,17 +89,18 @@ class _Lasers:
         scanner = settings.scanner
         self.width = scanner.lasers_per_firing
         late = scanner.firing_offset_s
-        slope, start = self._lines(settings.parameters, 2.0 * np.pi * rate_hz * late)
+        tick_m, turned = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * late
+        slope, start = self._lines(settings.parameters, turned, tick_m)
         self.slope, self.start = self._rows(slope), self._rows(start)
         self.late = late.reshape(-1, self.width)
         self.apart: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
         if settings.before is not None:
-            slope_0, start_0 = self._lines(settings.before, 2.0 * np.pi * rate_hz * late)
+            slope_0, start_0 = self._lines(settings.before, turned, tick_m)
             ways = zip(self._rows(slope - slope_0), self._rows(start - start_0), strict=True)
             self.apart = list(ways)
         dl = settings.parameters.dl
-        lowest = np.ceil((settings.min_range_m - dl) / DISTANCE_TICK_M)
-        highest = np.floor((settings.max_range_m - dl) / DISTANCE_TICK_M)
+        lowest = np.ceil((settings.min_range_m - dl) / scanner.distance_tick_m)
+        highest = np.floor((settings.max_range_m - dl) / scanner.distance_tick_m)
         # 0 is no return.
         self.lowest = np.maximum(lowest, 1.0).astype(np.float32).reshape(-1, self.width)
         self.highest = highest.astype(np.float32).reshape(-1, self.width)
@@ -102,14 +110,14 @@ class _Lasers:
 
     @staticmethod
     def _lines(
-        parameters: ParameterSet, turned: NDArray[np.float64]
+        parameters: ParameterSet, turned: NDArray[np.float64], tick_m: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
         alpha, v = parameters.alpha - turned, parameters.v
         sine, cosine = np.sin(alpha), np.cos(alpha)
         along = np.stack([np.cos(v) * cosine, np.cos(v) * sine, np.sin(v)])
         offset = np.stack([-parameters.hoff * sine, parameters.hoff * cosine, parameters.voff])
-        return DISTANCE_TICK_M * along, parameters.dl * along + offset
+        return tick_m * along, parameters.dl * along + offset
 
     def coordinates(
         self, ticks: NDArray[np.float32], bank: NDArray[np.intp]
@@ -197,7 +205,11 @@ class _Clock:
 
     def __init__(self, inspection: Inspection, scanner: Scanner) -> None:
         self.kind, self.times = inspection.clock, inspection.index.time_s
-        self.scanner = scanner
+        self.together = len(scanner.flags) * (2 if inspection.dual else 1)
+        self.interval_s = 1.0 / (
+            scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
+        )
+        self.per_block = scanner.firings_per_block
         self.epoch: float | None = None
 
     def packets(
@@ -222,12 +234,14 @@ class _Clock:
             since += HOUR_S * np.rint((about - since) / HOUR_S)
         return np.asarray(since)
 
-    def firings(self, n_packets: int, n: int) -> NDArray[np.float64]:
-        """Time from the stamp of its packet to every firing, shape (n,), in order of the wire."""
-        per_packet = n // n_packets
-        together = len(self.scanner.flags)
-        step = together / (per_packet * self.scanner.packet_rate_hz)
-        return np.tile(np.arange(per_packet) // together * step, n_packets)
+    def firings(self, block: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Time from the stamp of its packet to every firing, shape (n,), by its block."""
+        shot = self.together * self.interval_s / BLOCKS
+        time_s = block % BLOCKS // self.together * shot
+        if self.per_block > 1:  # the later firings of a block follow the first
+            later = np.flatnonzero(block[1:] == block[:-1]) + 1
+            time_s[later] += shot / self.per_block
+        return np.asarray(time_s, dtype=np.float64)
 
 
 def stream(
@@ -258,23 +272,17 @@ def stream(
     scanner = settings.scanner
     lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
     clock = _Clock(inspection, scanner)
-    for chunk, rotation_of_block in read_rotations(recording, inspection.index, rotations):
+    index, choice = inspection.index, settings.choice
+    for chunk, rotation_of_block in read_rotations(recording, index, rotations, choice):
         for begin in range(0, len(chunk.payloads), PACKETS):
             part = slice(begin, begin + PACKETS)
             payloads, of_block = chunk.payloads[part], rotation_of_block[part]
-            firings = decode(payloads, scanner)
-            rotation = _of_firings(of_block, firings)
-            per_packet = len(firings) // len(payloads)
+            firings = decode(payloads, scanner, settings.returns)
+            rotation = of_block.reshape(-1)[firings.block]
             captured = None if chunk.capture_time_s is None else chunk.capture_time_s[part]
-            stamps = firings.timestamp[::per_packet]
-            sent = clock.packets(captured, stamps, of_block.max(axis=1))
-            time_s = np.repeat(sent, per_packet) + clock.firings(len(payloads), len(firings))
+            sent = clock.packets(captured, view(payloads)["timestamp"], of_block.max(axis=1))
+            time_s = sent[firings.block // BLOCKS] + clock.firings(firings.block)
             yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
-
-
-def _of_firings(of_block: NDArray[np.int64], firings: Firings) -> NDArray[np.int64]:
-    """Rotation of every firing, from those of the blocks."""
-    return np.repeat(of_block.reshape(-1), len(firings) // of_block.size)
 
 
 def raw_returns(
@@ -282,13 +290,14 @@ def raw_returns(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
     """Raw distance in metres, rotational angle and laser of the returns of a few rotations."""
     scanner, found = settings.scanner, []
-    for chunk, of_block in read_rotations(recording, inspection.index, rotations):
-        firings = decode(chunk.payloads, scanner)
-        used = (firings.distance > 0) & (_of_firings(of_block, firings) >= 0)[:, None]
+    index, choice = inspection.index, settings.choice
+    for chunk, of_block in read_rotations(recording, index, rotations, choice):
+        firings = decode(chunk.payloads, scanner, settings.returns)
+        used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
         azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))
         found.append((firings.distance[used], azimuth, firings.laser_id()[used]))
     ticks, azimuth, laser = (np.concatenate(part) for part in zip(*found, strict=True))
-    distance = distance_from_ticks(ticks)
+    distance = distance_from_ticks(ticks, scanner.distance_tick_m)
     rate = 2.0 * np.pi * rotation_rate_hz(inspection, rotations)
     near = distance + settings.parameters.dl[laser]
     used = (near >= settings.min_range_m) & (near <= settings.max_range_m)

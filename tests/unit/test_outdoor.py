@@ -11,9 +11,7 @@ from velocal import outdoor, outdoor_figure
 from velocal.errors import ConfigError, SurveyError, VelocalError
 from velocal.field import Cloud
 from velocal.figures import save
-from velocal.recording.rotations import inspect
-from velocal.returns import read_returns
-from velocal.scans import first_rotations
+from velocal.returns import read_short
 from velocal.sensors import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
@@ -32,11 +30,9 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
     around = outdoor_scene(world, scanner, scene, ROTATIONS / 10.0)
     path = folder / "recording.bin"
     path.write_bytes(b"".join(capture.records(world, scanner, around, "x", ROTATIONS)))
-    known, index = SCANNERS[scanner], inspect(path).index
-    returns = read_returns(path, index, np.arange(len(index)), known)
-    shots = first_rotations(returns, len(index))
+    found, _, returns = read_short(path, SCANNERS[scanner])
     factory = truth.factory_parameters(world, scanner)
-    return Cloud.of_medians(shots, known, index.rate_hz(), factory)
+    return Cloud.of_medians(returns, SCANNERS[scanner], found.index.rate_hz(), factory)
 
 
 def fitted(cloud, distance_m=10.0, **fit):

@@ -166,8 +166,8 @@ def _oblique(
     box: Mapping[str, Any],
 ) -> None:
     """Plan with heights drawn upward, what is farther away (larger Y) behind what is nearer."""
-    lowest, highest = np.percentile(xyz[:, 2], _COLOURED)
-    shown = Normalize(lowest, highest, clip=True)
+    low, high = np.percentile(xyz[:, 2], _COLOURED)
+    shown = Normalize(float(low), float(high), clip=True)
     colours = ScalarMappable(shown, "cividis")
     picture, extent = raster(xyz, colours.to_rgba(xyz[:, 2], bytes=True))
     ax.imshow(picture, extent=extent, origin="lower", interpolation="nearest", zorder=2.0)

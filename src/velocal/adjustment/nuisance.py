@@ -69,8 +69,8 @@ class Derivatives:
         By a deviation of the surface from its plane, times its standard deviation.
     stretch : ndarray, shape (n,)
         By a range scale: the raw distance.
-    cell : ndarray of int, shape (n,)
-        Rows of one number meet the surface near each other; never falling.
+    begins : ndarray of bool, shape (n,)
+        Where a cell begins, whose rows meet the surface near each other.
     station, number : ndarray of int, shape (n,)
         Station of every row, and its plane among those of the station.
     """
@@ -80,7 +80,7 @@ class Derivatives:
     towards: Array
     offset: Array
     stretch: Array
-    cell: NDArray[np.int64]
+    begins: NDArray[np.bool_]
     station: NDArray[np.integer]
     number: NDArray[np.integer]
 
@@ -125,13 +125,14 @@ def derivatives(
     changes = np.zeros(n, dtype=bool)
     for key in (laser_id, station, plane, (path / FLATNESS_LENGTH_M).astype(np.int64)):
         changes[1:] |= key[1:] != key[:-1]
-    cell = np.cumsum(changes)
+    changes[:1] = True
+    begins, cell = changes.copy(), np.cumsum(changes) - 1
     if stochastic.block_rad is not None:
         # The noise has what is alike within its blocks already: of a cell that n blocks share
         # equally, 1 - 1 / n of the variance is left.
         block = np.floor(phi / stochastic.block_rad)
         changes[1:] |= block[1:] != block[:-1]
-        piece = np.cumsum(changes)
+        piece = np.cumsum(changes) - 1
         rows = np.bincount(piece)
         within = np.bincount(cell, rows[piece]) / np.bincount(cell) ** 2
         flatness *= np.sqrt(1.0 - within)[cell]
@@ -141,7 +142,7 @@ def derivatives(
         towards,
         flatness / towards,
         distance_m,
-        cell,
+        begins,
         station,
         plane,
     )
@@ -165,15 +166,15 @@ def contributions(
     """
     u, known, stations = len(gain), stochastic.survey, int(by.station.max()) + 1
     pose, bent = np.zeros((2, u, u))
-    translation: Array = np.zeros(3)
-    if known:
+    translation = known[0].translation if known else np.zeros(3)
+    if len(known) > 1:
         translation = np.stack([survey.translation for survey in known])[by.station]
     derivatives = np.vstack(
         [
             by_pose(by.point, by.normal, by.towards, translation).T,
             by_plane(by.point, by.towards).T,
             by.stretch,
-            np.ones(len(by.cell)),
+            np.ones(len(by.begins)),
         ]
     ).T
     # Answer by station and plane to all of them at once; what follows is small.
@@ -188,8 +189,7 @@ def contributions(
             bent += part[:, 6:10] @ covariance @ part[:, 6:10].T
     yield "pose", pose
     yield "planes", bent
-    first = np.flatnonzero(np.diff(by.cell, prepend=-1))
-    uneven = np.add.reduceat(gain * by.offset, first, axis=1)
+    uneven = np.add.reduceat(gain * by.offset, np.flatnonzero(by.begins), axis=1)
     yield "flatness", uneven @ uneven.T
     if not scale_adjusted:
         stretched = answer[..., 10].sum(axis=(0, 1)) * stochastic.range_scale

@@ -92,7 +92,7 @@ def test_the_refined_file_is_nearer_to_the_truth(finished):
         path = finished / f"results/parameter_sets/{SCANNER}/all.{suffix}"
         refined = formats.read(path, len(true)).dl
         before, after = (np.sqrt(np.mean((dl - true) ** 2)) for dl in (factory, refined))
-        assert after < 0.7 * before
+        assert after < 0.2 * before  # measured 0.13 against 2.6 cm: this scanner's errors are in dl
 
 
 def test_report_tables_and_figures(finished):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import truncnorm
 
 from velocal.parameters import ParameterSet, nominal
 from velocal.sensors import AZIMUTH_TICKS, SCANNERS
@@ -103,13 +103,15 @@ def unit_truth(world: World, scanner: str) -> UnitTruth:
     return UnitTruth(true, scale, far_point_m, noise, errors.noise_range_m)
 
 
-def even_normal(rng: np.random.Generator, n: int) -> Array:
+def even_normal(rng: np.random.Generator, n: int, limit: float = np.inf) -> Array:
     """Draw n standard normal values, one from each of n equally likely intervals, in random order.
 
-    A unit has 64 or 32 lasers, whose values would else differ from unit to unit in their mean and
+    With a limit the distribution is cut at so many standard deviations, and scaled to have the
+    standard deviation 1 again. A unit has 64 or 32 lasers, whose values would else differ from unit to unit in their mean and
     spread by more than the study's tables can tell.
     """
-    return np.asarray(norm.ppf((rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n))
+    cut = truncnorm(-limit, limit)
+    return np.asarray(cut.ppf((rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n) / cut.std())
 
 
 def _range_truth(world: World, scanner: str, factory_dl: Array) -> tuple[Array, Array, float]:
@@ -122,7 +124,7 @@ def _range_truth(world: World, scanner: str, factory_dl: Array) -> tuple[Array, 
     rng = world.rng("range", scanner)
     n = len(factory_dl)
     # The factory's distances come out too long by the mean: the true correction is less.
-    far = (errors.dl_mean_cm + errors.dl_cm * even_normal(rng, n)) * 1e-2
+    far = (errors.dl_mean_cm + errors.dl_cm * even_normal(rng, n, errors.dl_limit)) * 1e-2
     scale = errors.range_scale_cm_per_m * 1e-2 * even_normal(rng, n)
     return factory_dl - far + errors.far_point_m * scale, scale, errors.far_point_m
 

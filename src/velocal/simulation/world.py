@@ -21,11 +21,12 @@ class ErrorModel:
     """Errors of a scanner; units in the names, standard deviations unless named otherwise.
 
     `far_point_m` is the range at which the factory calibrated: there the error of dl is
-    `dl_mean_cm`, `dl_cm`, and `range_scale_cm_per_m` makes it another at other ranges.
+    `dl_mean_cm`, `dl_cm` (cut at `dl_limit` standard deviations), and `range_scale_cm_per_m` makes it another at other ranges.
     """
 
     dl_mean_cm: float
     dl_cm: float
+    dl_limit: float
     alpha_deg: float
     v_deg: float
     range_scale_cm_per_m: float
@@ -136,7 +137,7 @@ class World:
         Ticks of the distance and steps of the encoder remain, as they belong to the packets.
         """
         kept = ("dl_mean_cm", "dl_cm", "alpha_deg", "v_deg")
-        lengths = ("pattern_kernel_deg", "far_point_m", "noise_range_m")
+        lengths = ("dl_limit", "pattern_kernel_deg", "far_point_m", "noise_range_m")
         scanners = {}
         for name, unit in self.scanners.items():
             zeros: dict[str, Any] = {

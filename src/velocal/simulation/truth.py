@@ -107,8 +107,8 @@ def even_normal(rng: np.random.Generator, n: int, limit: float = np.inf) -> Arra
     """Draw n standard normal values, one from each of n equally likely intervals, in random order.
 
     With a limit the distribution is cut at so many standard deviations, and scaled to have the
-    standard deviation 1 again. A unit has 64 or 32 lasers, whose values would else differ from unit to unit in their mean and
-    spread by more than the study's tables can tell.
+    standard deviation 1 again. A unit has 64 or 32 lasers, whose values would else differ from
+    unit to unit in their mean and spread by more than the study's tables can tell.
     """
     cut = truncnorm(-limit, limit)
     return np.asarray(cut.ppf((rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n) / cut.std())

@@ -21,7 +21,8 @@ class ErrorModel:
     """Errors of a scanner; units in the names, standard deviations unless named otherwise.
 
     `far_point_m` is the range at which the factory calibrated: there the error of dl is
-    `dl_mean_cm`, `dl_cm` (cut at `dl_limit` standard deviations), and `range_scale_cm_per_m` makes it another at other ranges.
+    `dl_mean_cm`, `dl_cm` (cut at `dl_limit` standard deviations), and `range_scale_cm_per_m`
+    makes it another at other ranges.
     """
 
     dl_mean_cm: float

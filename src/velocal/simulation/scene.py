@@ -120,27 +120,52 @@ class Scene:
 def draw_relief(
     rng: np.random.Generator, size: tuple[float, float], flatness: Mapping[str, float]
 ) -> Relief:
-    """Draw a relief whose mean and largest absolute deviation are as printed."""
-    wavelengths = rng.uniform(0.7, 2.5, 6)
-    heading = rng.uniform(0.0, np.pi, 6)
-    waves = np.column_stack(
+    """Draw a relief whose mean and largest absolute deviation are as printed.
+
+    They are about the plane that fits best, as a surveyor finds them. Waves are drawn until
+    their largest deviation is as small, compared with the mean, as what is printed.
+    """
+    mean_m, max_m = flatness["mean_mm"] * 1e-3, flatness["max_mm"] * 1e-3
+    wanted = 0.95 * max_m / mean_m if mean_m else np.inf
+    drawn, least = np.zeros((0, 4)), np.inf
+    for _ in range(100):
+        waves = _draw_waves(rng, int(rng.integers(2, 7)))
+        _, _, height = _about_plane(Relief(waves, np.zeros(4)), size, 30)
+        ratio = float(np.max(np.abs(height)) / np.mean(np.abs(height)))
+        if ratio < least:
+            drawn, least = waves, ratio
+        if least <= wanted:
+            break
+    a, b, height = _about_plane(Relief(drawn, np.zeros(4)), size, 200)
+    # The waves alone must stay below the largest deviation, the bump then reaches it.
+    scale = min(mean_m / np.mean(np.abs(height)), 0.95 * max_m / np.max(np.abs(height)))
+    drawn[:, 0] *= scale
+    top = int(np.argmax(height))
+    return Relief(drawn, np.array([max_m - scale * height[top], a[top], b[top], 0.15]))
+
+
+def _draw_waves(rng: np.random.Generator, n: int) -> Array:
+    wavelengths, heading = rng.uniform(0.7, 2.5, n), rng.uniform(0.0, np.pi, n)
+    return np.column_stack(
         [
-            rng.uniform(0.5, 1.0, 6),
+            rng.uniform(0.5, 1.0, n),
             2 * np.pi / wavelengths * np.cos(heading),
             2 * np.pi / wavelengths * np.sin(heading),
-            rng.uniform(0.0, 2 * np.pi, 6),
+            rng.uniform(0.0, 2 * np.pi, n),
         ]
     )
-    grid = [np.linspace(0.0, extent, 200) for extent in size]
+
+
+def _about_plane(
+    relief: Relief, size: tuple[float, float], steps: int
+) -> tuple[Array, Array, Array]:
+    """Coordinates of a grid, and heights of a relief there above its best plane."""
+    grid = [np.linspace(0.0, extent, steps) for extent in size]
     a, b = (side.ravel() for side in np.meshgrid(*grid))
-    flat = Relief(waves, np.zeros(4))
-    mean_m, max_m = flatness["mean_mm"] * 1e-3, flatness["max_mm"] * 1e-3
-    height = flat(a, b)
-    # The waves alone must stay below the largest deviation, the bump then reaches it.
-    waves[:, 0] *= min(mean_m / np.mean(np.abs(height)), 0.95 * max_m / np.max(np.abs(height)))
-    top = int(np.argmax(flat(a, b)))
-    bump = np.array([max_m - flat(a, b)[top], a[top], b[top], 0.15])
-    return Relief(waves, bump)
+    height = relief(a, b)
+    plane = np.column_stack([np.ones_like(a), a, b])
+    best, *_ = np.linalg.lstsq(plane, height)
+    return a, b, height - plane @ best
 
 
 def surveyed_field(world: World) -> dict[str, Surface]:

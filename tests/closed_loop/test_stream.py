@@ -10,8 +10,9 @@ from velocal.adjustment.stochastic import Stochastic
 NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2)}
 #: Half a step of the wire: 1 mm and 0.01 deg. The offsets are not adjusted: what their rounding
-#: moves at the nearest wall (2 m) goes to the angles.
+#: moves goes to the angles, at most by its lever, the height of the scanner above the floor.
 HALF_MM = 0.5e-3
+HEIGHT_M = 0.8
 HALF_ANGLE = np.deg2rad(0.005)
 
 
@@ -49,7 +50,7 @@ def test_the_factory_is_that_of_the_file_but_for_rounding(loops):
 
 def test_the_adjustment_is_the_same_but_for_rounding(loops):
     file, stream = loops
-    for column, bound in enumerate((HALF_MM, *[HALF_ANGLE + HALF_MM / 2.0] * 2)):
+    for column, bound in enumerate((HALF_MM, *[HALF_ANGLE + HALF_MM / HEIGHT_M] * 2)):
         name = NAMES[column]
         ends = [
             getattr(loop.factory, name) + [a.corrections[column] for a in loop.adjustments]

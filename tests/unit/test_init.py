@@ -12,7 +12,9 @@ from velocal.survey import read_targets
 
 GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
 #: Keys that a study of one's own has no use for.
-NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "field", "by_scanner"}
+NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "field", "by_scanner", "outdoor"}
+#: A surveyor who hands over observations finds them in config/README.md.
+NOT_WRITTEN |= {"observations"}
 #: Parameters and priors besides those that are adjusted at first, and choices of figures.
 OPTIONAL = {"voff_cm", "hoff_cm", "scale_cm_per_m", "laser"}
 

@@ -15,7 +15,7 @@ from velocal.calibration_files import table
 from velocal.errors import VelocalError
 from velocal.sheets import read_yaml
 from velocal.simulation import building, capture
-from velocal.simulation.survey import base_targets_scanner
+from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
 from velocal.survey import write_targets
 
@@ -81,7 +81,7 @@ def mapped(tmp_path_factory):
     """Recordings of a room without errors, mapped with the factory's and with true parameters."""
     folder = tmp_path_factory.mktemp("map")
     perfect = WORLD.without_errors()
-    rooms = {**ROOM, "positions": {
+    rooms = {**ROOM, "base_std_mm": 1e-6, "positions": {
         "A": {**ROOM["positions"]["A"], "tilt_x_deg": 0.4},
         "B": {**ROOM["positions"]["A"], "x_m": 2.5, "y_m": 1.2, "heading_deg": 70.0},
     }}  # fmt: skip
@@ -95,7 +95,7 @@ def mapped(tmp_path_factory):
     base = [folder / name for name in ("map.csv", "scanner.csv", "factory.csv", "true.csv")]
     points = folder / "points.parquet"
     write_targets(base[0], "position", stated(building.base_targets(perfect)))
-    write_targets(base[1], "scanner", stated([base_targets_scanner(perfect, "HDL-64E")]))
+    write_targets(base[1], "scanner", stated([base_targets_true(perfect, "HDL-64E")]))
     table.write(base[2], factory_parameters(perfect, "HDL-64E"))
     table.write(base[3], unit_truth(perfect, "HDL-64E").parameters)
     map_building.main(recordings, *base, points, scanner="HDL-64E")

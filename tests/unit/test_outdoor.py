@@ -104,7 +104,8 @@ def test_the_near_far_constant_is_what_limits_the_gain(tmp_path):
         std = {row["calibration"]: row["std_cm"] for row in rows if row["panel"] == "left"}
         ratios[scale] = std["near"] / std[outdoor.BEFORE]
     assert ratios[0.0] < 0.2
-    assert ratios[0.11] > 0.7
+    # In the mean over units as much comes in as is taken out; four lasers scatter about that.
+    assert ratios[0.11] > max(0.4, 3.0 * ratios[0.0])
 
 
 @pytest.mark.parametrize(

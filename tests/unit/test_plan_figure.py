@@ -12,10 +12,11 @@ from building_helpers import WORLD, stated
 from velocal import captions, plan_figure, schemas, storage
 from velocal.assignment import Gates
 from velocal.sensors import SCANNERS
-from velocal.simulation import capture, survey
+from velocal.simulation import capture
 from velocal.simulation.truth import unit_truth
 from velocal.station import adjust_station, as_dict, patches_of, pose_of
-from velocal.survey import joined, write_targets
+from velocal.survey import write_targets
+from velocal.survey_network import adjust_field_book
 
 PLANES = ["short_wall", "long_wall", "floor"]
 GATES = {"distance_cm": 25, "edge_cm": 5, "incidence_deg": 80}
@@ -27,8 +28,8 @@ PERFECT = WORLD.without_errors()
 def views(tmp_path_factory):
     """Two positions of an HDL-32E without errors, as files: medians, surveys, targets."""
     folder = tmp_path_factory.mktemp("plan")
-    targets = survey.field_targets(PERFECT)
-    write_targets(folder / "targets.csv", "plane", stated(targets))
+    surveyed = adjust_field_book(survey.field_book(PERFECT))
+    write_targets(folder / "targets.csv", "plane", stated([surveyed.planes]))
     azimuths = np.arange(0, 36000, 40)
     medians, surveys = [], []
     for sample, position in (("sa5", "P5"), ("sa6", "P6")):
@@ -39,9 +40,9 @@ def views(tmp_path_factory):
         medians.append(folder / f"{sample}.parquet")
         storage.write_table(medians[-1], schemas.MEDIANS, columns, rotation_rate_hz=10.0)
         station = adjust_station(
-            joined(targets),
-            survey.base_targets_scanner(PERFECT, "HDL-32E"),
-            survey.base_targets_field(PERFECT, "HDL-32E", position),
+            surveyed.planes,
+            surveyed.readings["HDL-32E"].targets,
+            surveyed.base_field[position],
             PLANES,
             where="survey",
         )

@@ -16,6 +16,7 @@ from velocal.calibration_files import formats
 from velocal.recording.rotations import inspect
 from velocal.simulation import capture, survey, truth
 from velocal.survey import write_targets
+from velocal.survey_network import adjust_field_book
 
 pytestmark = pytest.mark.workflow
 
@@ -39,15 +40,13 @@ def hand_over(folder):
     packets = [pcap_packet(frame, number) for number, frame in enumerate(frames)]
     (folder / "captures/monday.pcap").write_bytes(pcap_head() + b"".join(packets))
     formats.write(folder / "factory.xml", truth.factory_parameters(world, SCANNER))
-    write_targets(folder / "survey/planes.csv", "plane", survey.field_targets(world))
-    write_targets(
-        folder / "survey/base_scanner.csv", "scanner", [survey.base_targets_scanner(world, SCANNER)]
-    )
-    write_targets(
-        folder / "survey/base_field.csv",
-        "position",
-        [survey.base_targets_field(world, SCANNER, POSITION)],
-    )
+    surveyed = adjust_field_book(survey.field_book(world))
+    for name, group, targets in (
+        ("planes", "plane", surveyed.planes),
+        ("base_scanner", "scanner", surveyed.readings[SCANNER].targets),
+        ("base_field", "position", surveyed.base_field[POSITION]),
+    ):
+        write_targets(folder / f"survey/{name}.csv", group, [targets])
 
 
 def fill_in(path, *changes):

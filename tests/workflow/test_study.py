@@ -100,7 +100,7 @@ def test_second_run_is_idle(finished):
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
     edited("src/velocal/figures.py", "\n# edited\n")
-    drawn = {"draw_figure", "draw_network", "write_report"}
+    drawn = {"draw_figure", "draw_network", "draw_plan", "summarise_outdoor", "write_report"}
     assert {rule for rule, _ in planned(finished)} == drawn
 
 

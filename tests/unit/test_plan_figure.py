@@ -12,7 +12,7 @@ from building_helpers import WORLD, stated
 from velocal import captions, plan_figure, schemas, storage
 from velocal.assignment import Gates
 from velocal.sensors import SCANNERS
-from velocal.simulation import capture
+from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
 from velocal.station import adjust_station, as_dict, patches_of, pose_of
 from velocal.survey import write_targets
@@ -81,7 +81,8 @@ def test_medians_lie_on_the_planes_of_the_field(numbers):
     (x0, x1), (y0, y1) = WORLD.field["room_x_m"], WORLD.field["room_y_m"]
     assert off["x_m"].between(x0 - 0.05, x1 + 0.05).all()
     assert off["y_m"].between(y0 - 0.05, y1 + 0.05).all()
-    assert off["z_m"].between(0.1, WORLD.field["wall_height_m"]).all()
+    # The frame of a free network is off by the rounding of the sketch, a centimetre.
+    assert off["z_m"].between(0.09, WORLD.field["wall_height_m"] + 0.01).all()
 
 
 def test_scanners_stand_where_they_were_surveyed(numbers):

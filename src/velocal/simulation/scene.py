@@ -141,7 +141,7 @@ def draw_relief(
     scale = min(mean_m / np.mean(np.abs(height)), 0.95 * max_m / np.max(np.abs(height)))
     drawn[:, 0] *= scale
     top = int(np.argmax(height))
-    return Relief(drawn, np.array([max_m - scale * height[top], a[top], b[top], 0.15]))
+    return Relief(drawn, np.array([max_m - scale * height[top], a[top], b[top], 0.3]))
 
 
 def _draw_waves(rng: np.random.Generator, n: int) -> Array:

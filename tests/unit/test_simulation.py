@@ -84,7 +84,8 @@ def test_relief_is_as_printed():
         height = surface.relief(a, b) * 1e3
         plane = np.column_stack([np.ones_like(a), a, b])
         height = np.abs(height - plane @ np.linalg.lstsq(plane, height)[0])
-        assert height.max() == pytest.approx(largest, rel=0.05)
+        # The bump that reaches the largest deviation moves the best plane itself a little.
+        assert height.max() == pytest.approx(largest, rel=0.1)
         assert height.mean() == pytest.approx(mean, rel=0.15)
 
 

@@ -14,12 +14,6 @@ PLANS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "plan"}
 MAPS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "map"}
 
 
-def at_positions(pattern, samples):
-    return [
-        expand(pattern, position=STUDY.samples[name].position)[0] for name in samples
-    ]
-
-
 ruleorder: draw_plan > draw_figure
 
 

@@ -11,28 +11,9 @@
 #
 # The recordings are short: index, decoding and planes of one are a single job.
 
-OUTDOOR = config.get("outdoor", {})
-OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
-
 
 wildcard_constraints:
     outdoor=one_of(STUDY.outdoor),
-
-
-def outdoor_sample(wildcards):
-    return STUDY.outdoor[wildcards.outdoor]
-
-
-def outdoor_files():
-    """What the study asks for."""
-    return [
-        *[f"{RESULTS}/outdoor/{n}.csv" for n in ("means", "summary") if STUDY.outdoor],
-        *expand(
-            f"{RESULTS}/figures/figure_{{number}}.{{suffix}}",
-            number=OUTDOOR_FIGURES,
-            suffix=("svg", "png", "csv"),
-        ),
-    ]
 
 
 if WORLD:

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from velocal.errors import CalibrationFileError
 from velocal.parameters import PARAMETERS, ParameterSet
 from velocal.simulation.status import encode_table, status_bytes, table_packets
-from velocal.status import TABLE_PACKETS, StatusReader
+from velocal.status import OPENING, TABLE_PACKETS, StatusReader
 
 #: Half of what the wire can tell apart.
 HALF = {"dl": 5e-4, "alpha": np.deg2rad(5e-3), "v": np.deg2rad(5e-3), "voff": 5e-4, "hoff": 5e-4}
@@ -76,6 +76,8 @@ RIGHT = {series: read(trailing, 4000).calibration("x") for series, trailing in S
 
 
 @settings(max_examples=60)
+@example(series="S2", losses=[(5 * TABLE_PACKETS + 950, 1)], chunk=300)
+@example(series="S3", losses=[(5 * TABLE_PACKETS + 950, 16)], chunk=300)
 @given(
     series=st.sampled_from(["S2", "S3"]),
     losses=st.lists(st.tuples(st.integers(0, 6 * TABLE_PACKETS), st.integers(1, 5000)), max_size=6),
@@ -86,9 +88,10 @@ def test_losses_never_give_a_wrong_table(series, losses, chunk):
     for at, length in losses:
         kept[at : at + length] = False
     found = read(SENT[series][kept], chunk)
-    # Tables of which every packet is there, and no more, are used.
+    # Tables of which every packet is there are used, and no more; the opening of the cycle after
+    # a table shows that nothing was lost by its end.
     whole = [
-        kept[begin : begin + TABLE_PACKETS].all()
+        kept[begin : begin + TABLE_PACKETS + len(OPENING)].all()
         for begin in range(TABLE_PACKETS - 3210, 5 * TABLE_PACKETS + 1, TABLE_PACKETS)
     ]
     assert found.tables == sum(whole)

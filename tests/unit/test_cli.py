@@ -164,4 +164,27 @@ def test_one_of_two_returns(tmp_path):
 def test_help_and_version():
     assert "inspect" in velocal("--help").stdout
     assert velocal("--version").stdout.startswith("velocal ")
-    assert velocal("inspect").returncode == 2
+    bare = velocal("calibration")
+    assert (bare.returncode, bare.stderr) == (2, "")
+    assert "from-recording" in bare.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message", "command"),
+    [
+        (["inspect"], "Missing argument 'FILE'.", "velocal inspect"),
+        (["inspect", "--nope"], "No such option: --nope", "velocal inspect"),
+        (["calibration", "shwo"], "No such command 'shwo'.", "velocal calibration"),
+        (["decode", "x", "--rotations", "many"], "Invalid value for '--rotations'", "velocal decode"),
+    ],
+)
+def test_calls_that_no_command_takes(arguments, message, command):
+    done = velocal(*arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    error, hint = done.stderr.splitlines()
+    assert error.startswith("Error: ")
+    assert message in error
+    # Run as a module the program has another name.
+    assert hint.replace("python -m velocal.cli", "velocal") == (
+        f"Hint: `{command} --help` shows what is possible."
+    )

@@ -28,12 +28,26 @@ app.command()(init.init)
 
 
 def main() -> None:
-    """Run the command line; faults of the input end in one message and exit code 1."""
+    """Run the command line.
+
+    Faults of the input end in one message and exit code 1, wrong calls in one and exit code 2.
+    """
     try:
-        app()
+        code = app(standalone_mode=False)
     except VelocalError as error:
         errors.print(f"[bold red]Error:[/] {escape(str(error))}")
         sys.exit(1)
+    except typer.TyperException as error:
+        # Without a message it is a call without arguments, and the help has been printed.
+        if message := error.format_message():
+            context = getattr(error, "ctx", None)
+            called = context.command_path if context else "velocal"
+            errors.print(f"[bold red]Error:[/] {escape(message)}")
+            errors.print(f"Hint: `{called} --help` shows what is possible.")
+        sys.exit(error.exit_code)
+    except typer.Abort:
+        sys.exit(130)
+    sys.exit(code if isinstance(code, int) else 0)
 
 
 def _show_version(wanted: bool) -> None:

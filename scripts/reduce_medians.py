@@ -6,7 +6,7 @@ from pathlib import Path
 from velocal import schemas, storage
 from velocal.errors import reported
 from velocal.medians import cell_medians
-from velocal.sensors import AZIMUTH_TICK_DEG, scanner_named
+from velocal.sensors import scanner_named
 
 
 def main(
@@ -14,7 +14,7 @@ def main(
 ) -> None:
     """Write the medians as Parquet; the cell defaults to the scanner's."""
     known = scanner_named(scanner)
-    cell = known.cell_ticks if cell_deg is None else round(cell_deg / AZIMUTH_TICK_DEG)
+    cell = known.cell(cell_deg)
     columns, facts = storage.read_table(
         returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal.errors import reported
 from velocal.sheets import read_yaml
 from velocal.simulation import building, capture, world
-from velocal.storage import atomic
+from velocal.storage import write_blocks
 from velocal.survey import write_targets
 
 ROTATIONS = 1  # complete ones; a scan is no more
@@ -18,9 +18,7 @@ def main(world_file: Path, recordings: list[Path], base: Path) -> None:
     for recording in recordings:
         position = recording.stem
         scene = building.scene(simulated, position)
-        with atomic(recording) as temporary, temporary.open("wb") as file:
-            for block in capture.records(simulated, scanner, scene, position, ROTATIONS):
-                file.write(block)
+        write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))
     write_targets(base, "position", building.base_targets(simulated))
 
 

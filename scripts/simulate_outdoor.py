@@ -6,7 +6,7 @@ from velocal.errors import reported
 from velocal.sheets import read_yaml
 from velocal.simulation import capture, world
 from velocal.simulation.outdoor import outdoor_scene
-from velocal.storage import atomic
+from velocal.storage import write_blocks
 
 
 def main(
@@ -16,9 +16,7 @@ def main(
     simulated = world.load(read_yaml(world_file))
     duration_s = rotations / simulated.scanner(scanner).rotation_rate_hz
     around = outdoor_scene(simulated, scanner, scene, duration_s)
-    with atomic(recording) as temporary, temporary.open("wb") as file:
-        for block in capture.records(simulated, scanner, around, sample, rotations):
-            file.write(block)
+    write_blocks(recording, capture.records(simulated, scanner, around, sample, rotations))
 
 
 if "snakemake" in globals():

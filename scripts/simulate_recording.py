@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal.errors import reported
 from velocal.sheets import read_yaml
 from velocal.simulation import capture, world
-from velocal.storage import atomic
+from velocal.storage import write_blocks
 
 
 def main(
@@ -14,9 +14,7 @@ def main(
     """Write the records that the scanner would have sent."""
     simulated = world.load(read_yaml(world_file))
     simulated.check_position(position, scanner)
-    with atomic(recording) as temporary, temporary.open("wb") as file:
-        for block in capture.records(simulated, scanner, position, sample, rotations):
-            file.write(block)
+    write_blocks(recording, capture.records(simulated, scanner, position, sample, rotations))
 
 
 if "snakemake" in globals():

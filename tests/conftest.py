@@ -8,9 +8,9 @@ from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# The same examples in every run, so that one commit cannot pass and then fail; new ones are searched
-# for with `pytest --hypothesis-profile explore`. Time limits per example fail on busy machines; a
-# failing example prints how to repeat it.
+# The same examples in every run, so that one commit cannot pass and then fail; new ones are
+# searched for with `pytest --hypothesis-profile explore`. Time limits per example fail on busy
+# machines; a failing example prints how to repeat it.
 settings.register_profile("velocal", deadline=None, print_blob=True, derandomize=True)
 settings.register_profile("explore", settings.get_profile("velocal"), derandomize=False)
 settings.load_profile("velocal")

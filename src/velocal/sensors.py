@@ -95,6 +95,10 @@ class Scanner:
         """Lasers in one firing of one block: 32, or 16 for the VLP-16."""
         return 32 // self.firings_per_block
 
+    def cell(self, width_deg: float | None) -> int:
+        """Width of an angle cell in raw azimuth ticks; the default where none is given."""
+        return self.cell_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
+
     @property
     def paired(self) -> bool:
         """True where the upper and lower lasers come in blocks of their own (HDL-64E)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,12 @@ def atomic(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_blocks(path: Path, blocks: Iterable[bytes]) -> None:
+    """Write a binary file block by block, as they come."""
+    with atomic(path) as temporary, temporary.open("wb") as file:
+        file.writelines(blocks)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -175,7 +175,11 @@ def test_help_and_version():
         (["inspect"], "Missing argument 'FILE'.", "velocal inspect"),
         (["inspect", "--nope"], "No such option: --nope", "velocal inspect"),
         (["calibration", "shwo"], "No such command 'shwo'.", "velocal calibration"),
-        (["decode", "x", "--rotations", "many"], "Invalid value for '--rotations'", "velocal decode"),
+        (
+            ["decode", "x", "--rotations", "many"],
+            "Invalid value for '--rotations'",
+            "velocal decode",
+        ),
     ],
 )
 def test_calls_that_no_command_takes(arguments, message, command):

@@ -26,7 +26,7 @@ from velocal.recording.rotations import inspect
 from velocal.recording.windows import window_rotations
 from velocal.returns import write_returns
 from velocal.scans import COLUMNS, assigned_scan, first_rotations
-from velocal.sensors import AZIMUTH_TICK_DEG, SCANNERS, Scanner
+from velocal.sensors import SCANNERS, Scanner
 from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
@@ -180,13 +180,12 @@ def _table(
 
 def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
     """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
-    cell_deg = reduction["cell_deg"].get(known.name)
     reduced = cell_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=known.cell_ticks if cell_deg is None else round(cell_deg / AZIMUTH_TICK_DEG),
+        cell_ticks=known.cell(reduction["cell_deg"].get(known.name)),
         min_count=1,
     )
     return asdict(reduced)
@@ -208,8 +207,7 @@ def _windows(
         blocks = capture.records(
             world, known.name, str(sample.position), sample.name, length, shots=shots
         )
-        with recording.open("wb") as file:
-            file.writelines(blocks)
+        storage.write_blocks(recording, blocks)
         index = inspect(recording).index
         for window in sample.windows:
             chosen = window_rotations(index, window, rotations, sample.name)

@@ -18,7 +18,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
 from velocal.errors import ConfigError, VelocalError
@@ -344,6 +344,8 @@ def draw_histogram(
             ax.text(0.98, 0.97, note, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
             ax.set_title(label, fontsize=8.5, fontweight="normal", color=color)
         axes[0].set_xlim(min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm))
+        # Few, or the last label of one panel runs into the first of the other.
+        axes[0].xaxis.set_major_locator(MaxNLocator(5))
         figure.supxlabel("residual s [cm]", fontsize=8.5)
         axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
         what = f"residuals of laser {selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm"

@@ -174,6 +174,18 @@ def test_vertical_walls_alone_hold_what_they_cannot_tell():
         )
 
 
+def test_weights_that_move_with_the_lasers_do_not_stop_the_joint_adjustment():
+    """Angles make weights depend on the parameters: sums of other weights do not compare."""
+    windows = [samples(0.02)[kind][0].windows[0] for kind in (0, 1)]
+    data = joined(windows)
+    group = np.unique(data.station_number * 3 + data.plane_number, return_inverse=True)[1]
+    names = ("dl", "alpha", "v", "scale")
+    angled = replace(STOCHASTIC, angle_std_rad=0.01, noise_std_m=0.002)
+    result = adjust_joint(data, group, FACTORY, names, angled)
+    assert result.converged
+    assert result.iterations <= 10
+
+
 @pytest.fixture(scope="module")
 def numbers():
     calibration, other = samples(0.003)

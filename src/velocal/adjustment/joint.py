@@ -77,6 +77,16 @@ class _Planes:
         return normal, self.offset + y[:, 2], slope
 
 
+@dataclass(frozen=True)
+class _Linearised:
+    """Normal equations A' M A and A' M w, misclosures w, and the diagonal of M."""
+
+    matrix: Array
+    right: Array
+    w: Array
+    weight: Array
+
+
 def adjust_joint(
     observations: Observations,
     group: NDArray[np.integer],
@@ -133,32 +143,34 @@ def adjust_joint(
     for column, name in enumerate(name for name in names if name in DATUM):
         datum[list(names).index(name) : lasers * u : u, column] = 1.0 / _DATUM_STD
 
-    def normals(x: Array) -> tuple[Array, Array, float]:
-        """Normal matrix, right-hand side and objective in units of the prior, with the datum."""
-        matrix, right, squares = _normal_equations(
-            observations, planes, x * unit, initial, names, stochastic
-        )
+    def linearised(x: Array) -> _Linearised:
+        """Linearise in units of the prior, with the datum as further observations."""
+        there = _normal_equations(observations, planes, x * unit, initial, names, stochastic)
         condition = datum.T @ x
-        return (
-            matrix * np.outer(unit, unit) + datum @ datum.T,
-            right * unit + datum @ condition,
-            squares + float(condition @ condition),
+        return _Linearised(
+            there.matrix * np.outer(unit, unit) + datum @ datum.T,
+            there.right * unit + datum @ condition,
+            np.concatenate([there.w, condition]),
+            np.concatenate([there.weight, np.ones_like(condition)]),
         )
 
     x, basis, converged, iterations = np.zeros(len(unit)), None, False, 0
-    matrix, right, squares = normals(x)
+    here = linearised(x)
     while not converged and iterations < max_iterations:
         iterations += 1
         if basis is None:
-            values, vectors = np.linalg.eigh(matrix)
+            values, vectors = np.linalg.eigh(here.matrix)
             basis = vectors[:, values > 1.0 / truncate_at**2]
-        delta = -basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ right)
+        delta = -basis @ np.linalg.solve(basis.T @ here.matrix @ basis, basis.T @ here.right)
+        before = float(here.weight @ here.w**2)
         for half in range(12):
             trial = x + delta * 0.5**half
-            there = normals(trial)
-            if there[2] <= squares * (1.0 + 1e-12) or np.max(np.abs(delta)) < tolerance:
+            there = linearised(trial)
+            # Weights are those of the linearisation, or another sum would be compared.
+            after = float(here.weight @ there.w**2)
+            if after <= before * (1.0 + 1e-12) or np.max(np.abs(delta)) < tolerance:
                 break
-        x, (matrix, right, squares) = trial, there
+        x, here = trial, there
         converged = bool(np.max(np.abs(delta)) < tolerance)
     assert basis is not None
     solution = x * unit
@@ -181,8 +193,8 @@ def _normal_equations(
     initial: ParameterSet,
     names: Sequence[str],
     stochastic: Stochastic,
-) -> tuple[Array, Array, float]:
-    """A' M A, A' M w and w' M w, with M the inverse variances of the misclosures."""
+) -> _Linearised:
+    """Normal equations with M the inverse variances of the misclosures."""
     lasers, u = len(initial), len(names)
     x = unknowns[: lasers * u].reshape(lasers, u)
     normal, offset, slope = planes.at(unknowns[lasers * u :].reshape(-1, _PLANE))
@@ -219,4 +231,4 @@ def _normal_equations(
             np.add.at(matrix, (place[:, i], place[:, j]), sums)
             if i != j:
                 np.add.at(matrix, (place[:, j], place[:, i]), sums)
-    return matrix, right, float(np.sum(weight * s**2))
+    return _Linearised(matrix, right, s, weight)

@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal import __version__, storage
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.tabulate import read_corrections
-from velocal.averaging import average, scatter_table
+from velocal.averaging import average, average_covariance, scatter_table
 from velocal.calibration_files import formats
 from velocal.calibration_files.lasers import Calibration
 from velocal.conversion import exported
@@ -15,6 +15,7 @@ from velocal.sensors import scanner_named
 
 def main(
     adjustments: list[Path],
+    covariances: list[Path],
     calibration: Path | None,
     files: dict[str, Path],
     scatter: Path,
@@ -25,7 +26,8 @@ def main(
     export: dict[str, str],
 ) -> None:
     """Write the set by suffix; the adjustments come sample by sample, `windows` of each."""
-    parts = [read_corrections(storage.read_csv(path)) for path in adjustments]
+    pairs = zip(adjustments, covariances, strict=True)
+    parts = [read_corrections(*(storage.read_csv(path) for path in pair)) for pair in pairs]
     samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
     means = {kind: average(samples, kind) for kind in ("equal", "covariance")}
     chosen = means[weights]
@@ -34,26 +36,25 @@ def main(
     parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
     sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
     sources |= {"calibration": calibration.name if calibration else "nominal", "weights": weights}
-    provenance, std = {"velocal": __version__, **sources}, {k: e.std for k, e in chosen.items()}
-    found = Calibration(parameters, "paper", scanner, tick_m, std=std, provenance=provenance)
+    found = Calibration(
+        parameters, "paper", scanner, tick_m,
+        std={name: each.std for name, each in chosen.items()},
+        covariance=average_covariance(samples, weights),
+        provenance={"velocal": __version__, **sources},
+    )  # fmt: skip
+    others = {k: Calibration(exported(parameters, d), d, tick_m=tick_m) for k, d in export.items()}
     for suffix, path in files.items():
-        numbers = exported(parameters, export[suffix]) if suffix in export else None
-        formats.write(
-            path, Calibration(numbers, export[suffix], tick_m=tick_m) if numbers else found
-        )
-    columns = scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS)
-    storage.write_csv(scatter, columns)
+        formats.write(path, others.get(suffix, found))
+    storage.write_csv(scatter, scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS))
 
 
 if "snakemake" in globals():
     with reported(snakemake.log[0]):
         main(
-            [Path(path) for path in snakemake.input.adjustments],
+            *([Path(path) for path in snakemake.input[k]] for k in ("adjustments", "covariances")),
             Path(c) if (c := snakemake.input.calibration) else None,
             {k: Path(snakemake.output[k]) for k in ("csv", "json", "yaml", "xml")},
             Path(snakemake.output.scatter),
             scanner=snakemake.wildcards.scanner,
-            windows=snakemake.params.windows,
-            weights=snakemake.params.weights,
-            export=snakemake.params.export,
+            **{k: v for k, v in snakemake.params.items() if k != "library"},
         )

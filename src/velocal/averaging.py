@@ -83,6 +83,38 @@ def average(
     return result
 
 
+def average_covariance(
+    samples: Sequence[Sequence[Corrections]], weighting: str = "equal"
+) -> dict[tuple[str, str], Array]:
+    """Covariances of the means that `average` forms, shape (lasers,) by pair of parameters.
+
+    What does not average out is common to the adjustments, as in `average`: it keeps its mean
+    correlation. NaN for a laser that no adjustment saw.
+    """
+    parts = [part for windows in samples for part in windows]
+    seen = np.array([[part.observed for part in windows] for windows in samples], dtype=float)
+    plain = _weights(seen, None).reshape(len(parts), -1)
+    weight, common = {}, {}
+    for name in parts[0].value:
+        std = np.array([[part.std[name] for part in windows] for windows in samples])
+        noise = np.array([part.noise_std[name] for part in parts])
+        chosen = _weights(seen, std if weighting == "covariance" else None)
+        weight[name] = chosen.reshape(len(parts), -1)
+        common[name] = np.sqrt(np.maximum(std.reshape(len(parts), -1) ** 2 - noise**2, 0.0))
+    result = {}
+    for pair in parts[0].covariance:
+        (one, other), noise = pair, np.array([part.noise_covariance[pair] for part in parts])
+        rest = np.array([part.covariance[pair] for part in parts]) - noise
+        size = common[one] * common[other]
+        correlation = np.clip(np.divide(rest, size, where=size > 0, out=np.zeros_like(size)), -1, 1)
+        value = (weight[one] * weight[other] * noise).sum(axis=0)
+        value += (plain * correlation).sum(axis=0) * np.prod(
+            [(weight[name] * common[name]).sum(axis=0) for name in pair], axis=0
+        )
+        result[pair] = np.where(plain.sum(axis=0) > 0, value, np.nan)
+    return result
+
+
 def _weights(seen: Array, std: Array | None) -> Array:
     """Weights of the mean of means, shape (samples, windows, lasers), summing to one."""
     inside = seen if std is None else seen / np.where(seen > 0, std, 1.0) ** 2

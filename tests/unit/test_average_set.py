@@ -19,10 +19,20 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     adjustment = tmp_path / "sa3" / "middle.csv"
     storage.write_csv(adjustment, columns)
     formats.write(tmp_path / "factory.xml", unit())
+    pairs = [(a, b) for a in ("dl", "alpha", "v") for b in ("dl", "alpha", "v") if a <= b]
+    covariance = {
+        "laser_id": np.repeat(np.arange(64), len(pairs)),
+        "first": np.tile([max(pair) for pair in pairs], 64),
+        "second": np.tile([min(pair) for pair in pairs], 64),
+        "covariance": np.tile([2e-6 if a != b else 4e-6 for a, b in pairs], 64),
+        "noise": np.tile([-5e-7 if a != b else 1e-6 for a, b in pairs], 64),
+    }
+    storage.write_csv(tmp_path / "sa3" / "middle.covariance.csv", covariance)
     files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
     export = {"yaml": "velodyne_decoder", "xml": "veloview"}
     average_set.main(
-        [adjustment], tmp_path / "factory.xml", files, tmp_path / "scatter.csv",
+        [adjustment], [tmp_path / "sa3" / "middle.covariance.csv"],
+        tmp_path / "factory.xml", files, tmp_path / "scatter.csv",
         scanner="HDL-64E", windows=1, weights="equal", export=export,
     )  # fmt: skip
     parameters = formats.read(files["csv"], 64)
@@ -39,4 +49,7 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     assert (known.dialect, known.scanner) == ("paper", "HDL-64E")
     np.testing.assert_array_equal(known.parameters.v, parameters.v)
     np.testing.assert_allclose(known.std["v"], 0.002)
+    assert set(known.covariance) == {("dl", "alpha"), ("dl", "v"), ("alpha", "v")}
+    for values in known.covariance.values():
+        np.testing.assert_allclose(values, 2e-6)
     assert known.provenance["adjustments"] == ["sa3/middle.csv"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from velocal.adjustment.tabulate import Corrections
-from velocal.averaging import average, scatter_table
+from velocal.averaging import average, average_covariance, scatter_table
 
 
 def part(value, noise, common=0.0, seen=True):
@@ -49,6 +49,61 @@ def test_adjustments_that_did_not_see_the_laser_have_no_say(weighting):
     assert nothing.mean[0] == 0.0
     assert np.isnan(nothing.std[0])
     assert np.isnan(nothing.scatter[0])
+
+
+PAIR = ("dl", "v")
+
+
+def pair_of(noise, common, seen=True):
+    """An adjustment of dl and v with these 2 x 2 covariance matrices."""
+    total = noise + common
+    std, noise_std = (
+        dict(zip(PAIR, np.sqrt(np.diag(m))[:, None], strict=True)) for m in (total, noise)
+    )
+    return Corrections(
+        dict.fromkeys(PAIR, np.zeros(1)), std, noise_std, np.array([seen]),
+        {PAIR: total[0, 1:]}, {PAIR: noise[0, 1:]},
+    )  # fmt: skip
+
+
+def matrix(rng):
+    root = rng.normal(size=(2, 2))
+    return root @ root.T
+
+
+@pytest.mark.parametrize("weighting", ["equal", "covariance"])
+def test_covariance_of_a_mean(weighting):
+    rng = np.random.default_rng(4)
+    noise, common = matrix(rng), matrix(rng)
+    # Alike: noise goes down with their number, what they have in common does not.
+    alike = average_covariance([[pair_of(noise, common)] * 3] * 2, weighting)[PAIR][0]
+    np.testing.assert_allclose(alike, noise[0, 1] / 6 + common[0, 1])
+    # Of a single one the mean is no news, and one that saw nothing changes nothing.
+    unseen = pair_of(common, noise, seen=False)
+    single = average_covariance([[pair_of(noise, common), unseen], [unseen, unseen]], weighting)
+    np.testing.assert_allclose(single[PAIR][0], noise[0, 1] + common[0, 1])
+    assert np.isnan(average_covariance([[unseen]], weighting)[PAIR][0])
+
+
+@pytest.mark.parametrize("weighting", ["equal", "covariance"])
+def test_covariances_belong_to_the_standard_deviations(weighting):
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        samples = [[pair_of(matrix(rng), matrix(rng)) for _ in range(3)] for _ in range(2)]
+        std = average(samples, weighting)
+        correlation = average_covariance(samples, weighting)[PAIR] / (std["dl"].std * std["v"].std)
+        assert abs(correlation[0]) <= 1.0 + 1e-12
+
+
+def test_covariance_against_a_simulated_mean():
+    rng = np.random.default_rng(6)
+    noise, common = [matrix(rng) for _ in range(2)], matrix(rng)
+    samples = [[pair_of(noise[0], common)], [pair_of(noise[1], common)]]
+    drawn = rng.multivariate_normal([0, 0], common, 400_000)
+    for one in noise:
+        drawn += rng.multivariate_normal([0, 0], one, 400_000) / 2
+    found = average_covariance(samples)[PAIR][0]
+    np.testing.assert_allclose(found, np.cov(drawn.T)[0, 1], rtol=0.03)
 
 
 def test_table():

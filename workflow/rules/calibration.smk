@@ -56,6 +56,10 @@ rule average_set:
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
             STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
         ),
+        covariances=lambda wildcards: per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
+            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+        ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",

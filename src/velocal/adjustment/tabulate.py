@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,16 @@ class Corrections:
         parameter.
     observed : ndarray of bool, shape (lasers,)
         Whether the adjustment saw a laser at all.
+    covariance, noise_covariance : mapping of (str, str) to ndarray, shape (lasers,)
+        Of two parameters, and the part that averages out; empty where it was not asked for.
     """
 
     value: Mapping[str, Array]
     std: Mapping[str, Array]
     noise_std: Mapping[str, Array]
     observed: NDArray[np.bool_]
+    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    noise_covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
 
 
 def corrections(results: Sequence[Adjustment]) -> dict[str, list[Any]]:
@@ -82,17 +86,34 @@ def covariances(results: Sequence[Adjustment]) -> dict[str, list[Any]]:
     return columns
 
 
-def read_corrections(columns: Mapping[str, NDArray[Any]]) -> Corrections:
-    """Corrections out of the columns that `corrections` made."""
+def read_corrections(
+    columns: Mapping[str, NDArray[Any]], covariance: Mapping[str, NDArray[Any]] | None = None
+) -> Corrections:
+    """Corrections out of the columns that `corrections` and `covariances` made."""
     found: dict[str, dict[str, Array]] = {"correction": {}, "std": {}, "noise_std": {}}
     for name in ADJUSTABLE:
         for kind, values in found.items():
             column = f"{name}_{kind}_{ADJUSTABLE_UNITS[name]}"
             if column in columns:
                 values[name] = np.asarray(columns[column], dtype=float)
+    of_pairs = [{}, {}] if covariance is None else _of_pairs(covariance)
     return Corrections(
         found["correction"],
         found["std"],
         found["noise_std"],
         np.asarray(columns["count"]) > 0,
+        *of_pairs,
     )
+
+
+def _of_pairs(columns: Mapping[str, NDArray[Any]]) -> list[dict[tuple[str, str], Array]]:
+    """Covariances, and their parts from noise, of two different parameters."""
+    first, second = columns["first"], columns["second"]
+    rows = {
+        pair: np.isin(first, pair) & np.isin(second, pair) & (first != second)
+        for pair in itertools.combinations(ADJUSTABLE, 2)
+    }
+    return [
+        {pair: np.asarray(columns[name][of], dtype=float) for pair, of in rows.items() if of.any()}
+        for name in ("covariance", "noise")
+    ]

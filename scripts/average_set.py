@@ -21,17 +21,17 @@ def main(
     scatter: Path,
     *,
     scanner: str,
-    windows: int,
     weights: str,
+    positions: list[str],
     export: dict[str, str],
 ) -> None:
-    """Write the set by suffix; the adjustments come sample by sample, `windows` of each."""
+    """Write the set by suffix; adjustments come sample by sample, `positions` of the samples."""
     pairs = zip(adjustments, covariances, strict=True)
     parts = [read_corrections(*(storage.read_csv(path) for path in pair)) for pair in pairs]
+    windows = len(parts) // len(positions)
     samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
-    means = {kind: average(samples, kind) for kind in ("equal", "covariance")}
-    chosen = means[weights]
-    known = scanner_named(scanner)
+    means = {kind: average(samples, kind, positions) for kind in ("equal", "covariance")}
+    chosen, known = means[weights], scanner_named(scanner)
     factory, tick_m = formats.read_or_nominal(calibration, known), known.distance_tick_m
     parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
     sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
@@ -39,7 +39,7 @@ def main(
     found = Calibration(
         parameters, "paper", scanner, tick_m,
         std={name: each.std for name, each in chosen.items()},
-        covariance=average_covariance(samples, weights),
+        covariance=average_covariance(samples, weights, positions),
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
     others = {k: Calibration(exported(parameters, d), d, tick_m=tick_m) for k, d in export.items()}

@@ -23,8 +23,8 @@ class Average:
         Zero for a laser that no adjustment saw.
     std : ndarray, shape (lasers,)
         Its standard deviation; NaN where nothing was seen. Noise averages out over the
-        adjustments; all else (pose, planes, prior, repeatability) is taken as common to them,
-        which is cautious.
+        positions; at one it is mostly a pattern along the azimuth that comes again in every
+        recording. All else (pose, planes, prior, repeatability) is taken as common to all.
     scatter : ndarray, shape (lasers,)
         Standard deviation between the samples, or between the windows where there is only one
         sample; NaN with fewer than two.
@@ -39,7 +39,9 @@ class Average:
 
 
 def average(
-    samples: Sequence[Sequence[Corrections]], weighting: str = "equal"
+    samples: Sequence[Sequence[Corrections]],
+    weighting: str = "equal",
+    positions: Sequence[str] | None = None,
 ) -> dict[str, Average]:
     """Mean over the windows of every sample, then over the samples.
 
@@ -50,6 +52,8 @@ def average(
         out of that laser's mean.
     weighting : {"equal", "covariance"}
         The plain mean, as the paper forms it, or weights by inverse variance.
+    positions : sequence of str, optional
+        Position of every sample; all at one if not given.
 
     Returns
     -------
@@ -71,9 +75,9 @@ def average(
         observed = weight.sum(axis=(0, 1)) > 0
         mean = (weight * value).sum(axis=(0, 1))
         common = np.sqrt(np.maximum(std**2 - noise**2, 0.0))
-        variance = ((weight * noise) ** 2).sum(axis=(0, 1)) + (
-            (weight * common).sum(axis=(0, 1)) ** 2
-        )
+        variance = (weight * common).sum(axis=(0, 1)) ** 2
+        for own in _by_position(len(samples), positions):
+            variance += (weight * noise)[own].sum(axis=(0, 1)) ** 2
         result[name] = Average(
             mean,
             np.where(observed, np.sqrt(variance), np.nan),
@@ -84,35 +88,54 @@ def average(
 
 
 def average_covariance(
-    samples: Sequence[Sequence[Corrections]], weighting: str = "equal"
+    samples: Sequence[Sequence[Corrections]],
+    weighting: str = "equal",
+    positions: Sequence[str] | None = None,
 ) -> dict[tuple[str, str], Array]:
     """Covariances of the means that `average` forms, shape (lasers,) by pair of parameters.
 
-    What does not average out is common to the adjustments, as in `average`: it keeps its mean
+    Parameters are those of `average`. What is common there is so here, with its mean
     correlation. NaN for a laser that no adjustment saw.
     """
-    parts = [part for windows in samples for part in windows]
     seen = np.array([[part.observed for part in windows] for windows in samples], dtype=float)
-    plain = _weights(seen, None).reshape(len(parts), -1)
-    weight, common = {}, {}
-    for name in parts[0].value:
-        std = np.array([[part.std[name] for part in windows] for windows in samples])
-        noise = np.array([part.noise_std[name] for part in parts])
-        chosen = _weights(seen, std if weighting == "covariance" else None)
-        weight[name] = chosen.reshape(len(parts), -1)
-        common[name] = np.sqrt(np.maximum(std.reshape(len(parts), -1) ** 2 - noise**2, 0.0))
+
+    def table(kind: str, key: str | tuple[str, str]) -> Array:
+        return np.array([[getattr(part, kind)[key] for part in windows] for windows in samples])
+
     result = {}
-    for pair in parts[0].covariance:
-        (one, other), noise = pair, np.array([part.noise_covariance[pair] for part in parts])
-        rest = np.array([part.covariance[pair] for part in parts]) - noise
-        size = common[one] * common[other]
-        correlation = np.clip(np.divide(rest, size, where=size > 0, out=np.zeros_like(size)), -1, 1)
-        value = (weight[one] * weight[other] * noise).sum(axis=0)
-        value += (plain * correlation).sum(axis=0) * np.prod(
-            [(weight[name] * common[name]).sum(axis=0) for name in pair], axis=0
-        )
-        result[pair] = np.where(plain.sum(axis=0) > 0, value, np.nan)
+    for pair in samples[0][0].covariance:
+        noise, common = [], []
+        for name in pair:
+            std, noisy = table("std", name), table("noise_std", name)
+            weight = _weights(seen, std if weighting == "covariance" else None)
+            noise.append((noisy, weight * noisy))
+            rest = np.sqrt(np.maximum(std**2 - noisy**2, 0.0))
+            common.append((rest, weight * rest))
+        of_noise = table("noise_covariance", pair)
+        value = _common(table("covariance", pair) - of_noise, common, seen)
+        for own in _by_position(len(samples), positions):
+            value += _common(of_noise[own], [(n[own], w[own]) for n, w in noise], seen[own])
+        result[pair] = np.where(seen.any(axis=(0, 1)), value, np.nan)
     return result
+
+
+def _common(covariance: Array, of_pair: Sequence[tuple[Array, Array]], seen: Array) -> Array:
+    """Covariance of two sums, of errors that their terms share, with the terms' mean correlation.
+
+    `of_pair` holds standard deviations and weighted ones; all arrays (samples, windows, lasers).
+    """
+    (one, weighted), (other, otherwise) = of_pair
+    size = one * other * seen
+    zero = np.zeros_like(size)
+    correlation = np.clip(np.divide(covariance, size, where=size > 0, out=zero), -1.0, 1.0)
+    mean = correlation.sum(axis=(0, 1)) / np.maximum(seen.sum(axis=(0, 1)), 1.0)
+    return np.asarray(mean * weighted.sum(axis=(0, 1)) * otherwise.sum(axis=(0, 1)))
+
+
+def _by_position(count: int, positions: Sequence[str] | None) -> list[NDArray[np.bool_]]:
+    """Which samples stand at each position."""
+    names = np.array(positions if positions is not None else [""] * count)
+    return [names == name for name in np.unique(names)]
 
 
 def _weights(seen: Array, std: Array | None) -> Array:

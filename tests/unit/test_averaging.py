@@ -18,16 +18,19 @@ def part(value, noise, common=0.0, seen=True):
 
 def test_mean_of_means():
     samples = [[part(1.0, 0.1), part(3.0, 0.1)], [part(6.0, 0.2), part(10.0, 0.2)]]
-    dl = average(samples)["dl"]
+    dl = average(samples, positions=["P1", "P2"])["dl"]
     assert dl.mean[0] == (2.0 + 8.0) / 2
-    np.testing.assert_allclose(dl.std[0], np.sqrt(2 * 0.1**2 + 2 * 0.2**2) / 4)
+    np.testing.assert_allclose(dl.std[0], np.hypot(0.1, 0.2) / 2)
+    # At one position both have the same errors.
+    np.testing.assert_allclose(average(samples)["dl"].std[0], (0.1 + 0.2) / 2)
     np.testing.assert_allclose(dl.scatter[0], np.std([2.0, 8.0], ddof=1))
 
 
 def test_what_is_common_does_not_average_out():
-    dl = average([[part(1.0, 0.3, 0.4)] * 100])["dl"]
+    dl = average([[part(1.0, 0.3, 0.4)]] * 100, positions=[f"P{i}" for i in range(100)])["dl"]
     np.testing.assert_allclose(dl.std[0], np.hypot(0.3 / 10, 0.4))
     np.testing.assert_allclose(dl.stated[0], 0.5)
+    np.testing.assert_allclose(average([[part(1.0, 0.3, 0.4)] * 100])["dl"].std[0], 0.5)
 
 
 def test_weighted_mean_is_the_literal_one():
@@ -36,7 +39,7 @@ def test_weighted_mean_is_the_literal_one():
     expected = weight @ [1.0, 3.0, 6.0, 6.0] / weight.sum()
     dl = average(samples, "covariance")["dl"]
     np.testing.assert_allclose(dl.mean[0], expected)
-    np.testing.assert_allclose(dl.std[0], np.sqrt(1 / weight.sum()))
+    np.testing.assert_allclose(dl.std[0], weight @ weight**-0.5 / weight.sum())
 
 
 @pytest.mark.parametrize("weighting", ["equal", "covariance"])
@@ -75,9 +78,11 @@ def matrix(rng):
 def test_covariance_of_a_mean(weighting):
     rng = np.random.default_rng(4)
     noise, common = matrix(rng), matrix(rng)
-    # Alike: noise goes down with their number, what they have in common does not.
-    alike = average_covariance([[pair_of(noise, common)] * 3] * 2, weighting)[PAIR][0]
-    np.testing.assert_allclose(alike, noise[0, 1] / 6 + common[0, 1])
+    # Noise goes down with the number of positions, what they have in common does not.
+    alike = [[pair_of(noise, common)] * 3] * 2
+    two, one = (average_covariance(alike, weighting, at)[PAIR][0] for at in (["A", "B"], ["A"] * 2))
+    np.testing.assert_allclose(two, noise[0, 1] / 2 + common[0, 1])
+    np.testing.assert_allclose(one, noise[0, 1] + common[0, 1])
     # Of a single one the mean is no news, and one that saw nothing changes nothing.
     unseen = pair_of(common, noise, seen=False)
     single = average_covariance([[pair_of(noise, common), unseen], [unseen, unseen]], weighting)
@@ -90,8 +95,10 @@ def test_covariances_belong_to_the_standard_deviations(weighting):
     rng = np.random.default_rng(5)
     for _ in range(200):
         samples = [[pair_of(matrix(rng), matrix(rng)) for _ in range(3)] for _ in range(2)]
-        std = average(samples, weighting)
-        correlation = average_covariance(samples, weighting)[PAIR] / (std["dl"].std * std["v"].std)
+        at = ["A", rng.choice(["A", "B"])]
+        std = average(samples, weighting, at)
+        covariance = average_covariance(samples, weighting, at)[PAIR]
+        correlation = covariance / (std["dl"].std * std["v"].std)
         assert abs(correlation[0]) <= 1.0 + 1e-12
 
 
@@ -102,7 +109,7 @@ def test_covariance_against_a_simulated_mean():
     drawn = rng.multivariate_normal([0, 0], common, 400_000)
     for one in noise:
         drawn += rng.multivariate_normal([0, 0], one, 400_000) / 2
-    found = average_covariance(samples)[PAIR][0]
+    found = average_covariance(samples, positions=["A", "B"])[PAIR][0]
     np.testing.assert_allclose(found, np.cov(drawn.T)[0, 1], rtol=0.03)
 
 

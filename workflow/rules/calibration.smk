@@ -72,8 +72,13 @@ rule average_set:
     conda:
         "../../environment.yml"
     params:
-        windows=len(WINDOWS),
         weights=config.get("adjustment", {}).get("average", "equal"),
+        positions=lambda wildcards: [
+            STUDY.samples[name].position
+            for name in STUDY.parameter_sets[wildcards.scanner][
+                wildcards.parameter_set
+            ]
+        ],
         export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
         library=library("average_set"),
     script:

@@ -79,7 +79,7 @@ def test_what_cannot_be_observed_is_named(loop):
     held = [a for a in result.adjustments if a.held]
     for adjustment in held:
         assert adjustment.rank < len(NAMES)
-        assert "held at the initial value" in adjustment.message
+        assert "left to the prior" in adjustment.message
         for name in adjustment.held:
             # What is known of it is what the prior says.
             stated = adjustment.std[NAMES.index(name)]

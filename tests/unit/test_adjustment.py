@@ -86,7 +86,7 @@ def test_known_parameters_return_and_voff_is_held():
     np.testing.assert_allclose(found.corrections, [0.03, -0.004, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.std[2], PRIOR["voff"])
     assert found.open_combinations == ("voff",)
-    assert "held at the initial value: voff" in found.message
+    assert "left to the prior: voff" in found.message
 
 
 def test_standard_deviation_is_that_of_repeated_noise():

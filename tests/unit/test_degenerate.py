@@ -92,7 +92,7 @@ def test_numbers_are_finite_and_the_finding_has_a_name(case, solver):
     # What is left open is said, or else its uncertainty is: both for nobody's surprise.
     if found.rank < len(NAMES):
         assert found.open_combinations
-        assert "held at the initial value" in found.message
+        assert "left to the prior" in found.message
     else:
         assert found.converged
 

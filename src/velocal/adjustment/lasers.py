@@ -249,20 +249,21 @@ def _block_covariance(
     data: Observations, blocks: Sequence[Block], final: Evaluation, stochastic: Stochastic
 ) -> tuple[Array, Array] | None:
     """`quality.block_covariance` of all lasers; None where rows are independent, or none are."""
-    steps = [block.step for block in blocks]
-    gains = [step.gain for step in steps if step is not None]
-    if stochastic.block_rad is None or not gains:
+    steps = [block.step for block in blocks if block.step is not None]
+    if stochastic.block_rad is None or not steps:
         return None
+    weights = [step.row_weight for step in steps if step.row_weight is not None]
     laser, station, plane = data.laser_id.astype(int), data.station_number, data.plane_number
     group = (laser * (int(station.max()) + 1) + station) * (int(plane.max()) + 1) + plane
     return quality.block_covariance(
-        np.concatenate(gains, axis=1),
+        np.concatenate([step.gain for step in steps], axis=1),
         final.w,
         block_numbers(data.phi, group, stochastic.block_rad),
         final.matrix,
         final.row_std,
         laser,
-        np.array([0 if step is None else step.rank for step in steps]),
+        np.array([0 if block.step is None else block.step.rank for block in blocks]),
+        np.concatenate(weights) if weights else None,
     )
 
 
@@ -278,9 +279,11 @@ def _quality(
     """Result of one laser with all its quality; noise and freedom of `correlated` if there are."""
     step = block.step
     assert step is not None
-    residuals, n = final.w, len(final.w)
-    redundancy = n - step.rank
-    squares = float(np.sum((residuals / final.row_std) ** 2))
+    residuals, weight = final.w, step.row_weight
+    if weight is None:
+        weight = np.ones(len(residuals))
+    redundancy = int(np.count_nonzero(weight)) - step.rank
+    squares = float(np.sum(weight * (residuals / final.row_std) ** 2))
     factor = squares / redundancy if redundancy > 0 else float("nan")
     if correlated is None or redundancy <= 0:
         known = factor if redundancy > 0 else 1.0
@@ -296,7 +299,7 @@ def _quality(
     combinations = quality.open_combinations(names, step)
     message = block.message
     if combinations:
-        message += f"; rank {step.rank} of {len(names)}, held at the initial value: "
+        message += f"; rank {step.rank} of {len(names)}, left to the prior: "
         message += "; ".join(combinations)
     return Adjustment(
         names=tuple(names),
@@ -310,7 +313,7 @@ def _quality(
         singular_values=step.singular_values[step.singular_values > 0.0],
         residuals=residuals,
         redundancy_numbers=1.0 - step.leverage,
-        variance=float(residuals @ residuals) / redundancy if redundancy > 0 else float("nan"),
+        variance=float(weight @ residuals**2) / redundancy if redundancy > 0 else float("nan"),
         variance_factor=factor,
         variance_factor_p=quality.variance_factor_test(factor, redundancy),
         redundancy=redundancy,

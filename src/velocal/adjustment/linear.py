@@ -69,6 +69,8 @@ class Step:
         Of the scaled matrix; zero where left out.
     left : ndarray, shape (n, k)
         Root of the hat matrix, in units of the weighted rows.
+    row_weight : ndarray, shape (n,), or None
+        What a robust solver weighted the rows with besides; None for all alike.
     """
 
     delta: Array
@@ -79,6 +81,7 @@ class Step:
     basis: Array
     singular_values: Array
     left: Array
+    row_weight: Array | None = None
 
     @property
     def rank(self) -> int:

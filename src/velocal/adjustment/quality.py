@@ -35,6 +35,7 @@ def block_covariance(
     row_std: Array,
     laser_id: NDArray[np.integer],
     rank: NDArray[np.integer],
+    weight: Array | None = None,
 ) -> tuple[Array, Array]:
     """Covariance for misclosures that are correlated within blocks, for every laser.
 
@@ -59,6 +60,8 @@ def block_covariance(
         Laser of every row.
     rank : ndarray of int, shape (lasers,)
         Of every laser.
+    weight : ndarray, shape (n,), optional
+        Of the rows, by a robust solver.
 
     Returns
     -------
@@ -91,8 +94,9 @@ def block_covariance(
     owner[block] = laser_id
     ends = np.cumsum(np.bincount(owner, minlength=lasers))
     rows = np.bincount(block)
-    squares = np.bincount(laser_id, (residuals / row_std) ** 2, lasers)
-    redundancy = np.bincount(laser_id, minlength=lasers) - rank
+    weight = np.ones(len(residuals)) if weight is None else weight
+    squares = np.bincount(laser_id, weight * (residuals / row_std) ** 2, lasers)
+    redundancy = np.bincount(laser_id, weight > 0.0, lasers) - rank
     covariance, freedom = np.zeros((lasers, u, u)), np.ones((lasers, u))
     for laser in np.unique(owner):
         own = slice(ends[laser - 1] if laser else 0, ends[laser])

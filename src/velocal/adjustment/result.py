@@ -33,7 +33,10 @@ class Adjustment:
     rank : int
         Number of combinations of parameters that the data determine.
     held : tuple of str
-        Parameters that the data do not determine; their standard deviation is the prior's.
+        Parameters that the data determine by less than half. Where the solver truncates they
+        stay at the initial value and the prior's standard deviation, but for what they share
+        with others in a combination that is determined; `WithPrior` moves them as far as the
+        data say.
     open_combinations : tuple of str
         What is not determined, as combinations in units of the prior.
     condition : float
@@ -43,15 +46,17 @@ class Adjustment:
     residuals : ndarray, shape (n,)
         Misclosures after the adjustment, metres.
     redundancy_numbers : ndarray, shape (n,)
-        Share of each misclosure that shows in its residual; they sum to the redundancy.
+        Share of each misclosure that shows in its residual; they sum to n less the trace of the
+        hat matrix, which is the redundancy but for a solver with a prior.
     variance : float
-        Sum of squared residuals over the redundancy, square metres; NaN without redundancy.
+        Sum of squared residuals, with the weights of a robust solver, over the redundancy, square
+        metres; NaN without redundancy.
     variance_factor : float
         The same with residuals in units of their prior standard deviation.
     variance_factor_p : float
         Two-sided p-value of the test of H0: variance factor is 1.
     redundancy : int
-        n minus rank.
+        n minus rank; n without the rows that a robust solver has rejected.
     iterations : int
         Linearisations used.
     converged : bool
@@ -97,7 +102,7 @@ class Adjustment:
 
     @property
     def noise_std(self) -> Array:
-        """The part of `std` that other data of the same laser would average out, shape (u,)."""
+        """The part of `std` from noise, which data of other positions average out, shape (u,)."""
         return np.asarray(np.sqrt(np.diag(self.parts["noise"])))
 
     def interval(self, level: float = 0.95) -> Array:

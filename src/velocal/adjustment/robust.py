@@ -43,7 +43,8 @@ class Robust:
 
     The residuals at the current parameters, centred by their median at the first linearisation
     and standardised by the median absolute deviation, give the weights; data snooping also
-    divides by the root of the redundancy number of each row.
+    divides by the root of the redundancy number of each row, and may not settle where one stands
+    just at the limit.
 
     Attributes
     ----------
@@ -58,19 +59,22 @@ class Robust:
 
     def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
         """Solve one linearised system; see `Solver.step`."""
-        first = self.base.step(system, basis, damping)
-        # What the plain solution would leave: before it, offsets of the laser hide the outliers.
-        residual = system.w + system.matrix @ first.delta
+        residual = system.w / system.row_std
+        if not system.shift.any():
+            # Before anything is adjusted, the laser's own offset would hide the outliers.
+            residual = residual - np.median(residual)
         spread = MAD_PER_STD * np.median(np.abs(residual))
-        if spread <= 1e-12 * np.max(np.abs(system.w), initial=1e-300):
-            return first
+        if spread <= 1e-12 * np.max(np.abs(system.w / system.row_std), initial=1e-300):
+            return self.base.step(system, basis, damping)
         size = np.abs(residual) / spread
         if self.kind == "snooping":
-            size = size / np.sqrt(np.maximum(1.0 - first.leverage, 1e-6))
-        root = np.sqrt(_WEIGHTS[self.kind](size))
+            leverage = self.base.step(system, basis, damping).leverage
+            size = size / np.sqrt(np.maximum(1.0 - leverage, 1e-6))
+        weight = _WEIGHTS[self.kind](size)
+        root = np.sqrt(weight)
         weighted = replace(system, matrix=system.matrix * root[:, None], w=system.w * root)
         step = self.base.step(weighted, basis, damping)
-        return replace(step, gain=step.gain * root)
+        return replace(step, gain=step.gain * root, row_weight=weight)
 
     def objective(self, system: System) -> float:
         """Nothing: weights change with every step, so that no one sum is minimised."""

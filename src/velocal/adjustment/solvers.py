@@ -72,10 +72,8 @@ def steps(solver: Solver, systems: Sequence[System], bases: Sequence[Array | Non
     )
     given = [basis for basis in bases if basis is not None]
     found = solver.step(stack, np.stack(given) if given else None)
-    return [
-        Step(*parts)
-        for parts in zip(*(getattr(found, field.name) for field in fields(Step)), strict=True)
-    ]
+    names = [field.name for field in fields(Step) if field.name != "row_weight"]
+    return [Step(*parts) for parts in zip(*(getattr(found, name) for name in names), strict=True)]
 
 
 def _column_scale(matrix: Array) -> Array:

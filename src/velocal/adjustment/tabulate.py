@@ -23,12 +23,11 @@ class Corrections:
     Attributes
     ----------
     value, std, noise_std : mapping of str to ndarray, shape (lasers,)
-        Corrections, their standard deviations, and the part of these that averages out; by
-        parameter.
+        Corrections, their standard deviations, and the part of these from noise; by parameter.
     observed : ndarray of bool, shape (lasers,)
         Whether the adjustment saw a laser at all.
     covariance, noise_covariance : mapping of (str, str) to ndarray, shape (lasers,)
-        Of two parameters, and the part that averages out; empty where it was not asked for.
+        Of two parameters, and the part from noise; empty where they were not asked for.
     """
 
     value: Mapping[str, Array]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.parameters import ParameterSet
-from velocal.sensors import AZIMUTH_TICK_DEG, DISTANCE_TICK_M, Scanner
+from velocal.sensors import AZIMUTH_TICK_DEG, Scanner
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def points(
     return np.asarray(length[:, None] * direction + origin)
 
 
-def distance_from_ticks(ticks: NDArray[np.generic], tick_m: float = DISTANCE_TICK_M) -> Array:
+def distance_from_ticks(ticks: NDArray[np.generic], tick_m: float) -> Array:
     """Metres of raw distances; `tick_m` is that of the scanner."""
     return ticks.astype(np.float64) * tick_m
 

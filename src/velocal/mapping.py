@@ -87,7 +87,7 @@ def rows(
     phi = angle_from_ticks(
         returns["azimuth"][came_back], laser, scanner, 2.0 * np.pi * rotation_rate_hz
     )
-    distance = distance_from_ticks(returns["distance"][came_back])
+    distance = distance_from_ticks(returns["distance"][came_back], scanner.distance_tick_m)
     columns: dict[str, NDArray[Any]] = {"position": np.full(len(laser), number), "laser_id": laser}
     for state, parameters in zip(STATES, calibrations, strict=True):
         xyz = pose.apply(points(distance, phi, laser, parameters))

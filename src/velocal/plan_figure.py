@@ -93,7 +93,7 @@ def plan(view: View, targets: Targets, gates: Gates) -> pd.DataFrame:
     phi = angle_from_ticks(
         view.medians["azimuth"], laser, view.scanner, 2.0 * np.pi * view.rotation_rate_hz
     )
-    distance = distance_from_ticks(view.medians["distance"])
+    distance = distance_from_ticks(view.medians["distance"], view.scanner.distance_tick_m)
     plane = assign(distance, phi, laser, view.parameters, view.patches, gates)
     xyz = to_field.apply(points(distance, phi, laser, view.parameters))
     corners = [to_field.apply(patch.corners) for patch in view.patches]

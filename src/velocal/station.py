@@ -131,16 +131,20 @@ def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:
 
     Targets deviate from a plane by their own errors and by those of the surface: what is more
     than the first, as the variance factor tells, is flatness (root mean square, from the mean
-    deviation of a normal distribution). The plane follows its level and slope, so that its own
-    covariance is left as it is.
+    deviation of a normal distribution, which the fit of three numbers to n targets has lessened).
+    Three targets show none. The plane follows its level and slope, so that its own covariance is
+    left as it is.
     """
-    pose = content["pose"]
-    excess = np.array([max(plane["variance_factor"] or 1.0, 1.0) for plane in content["planes"]])
-    deviation = np.array([plane["flatness_mean_m"] for plane in content["planes"]])
+    pose, planes = content["pose"], content["planes"]
+    factor = np.array([plane["variance_factor"] for plane in planes], dtype=float)
+    excess = np.where(np.isfinite(factor), np.maximum(factor, 1.0), 1.0)
+    targets = np.array([plane["targets"] for plane in planes], dtype=float)
+    deviation = np.array([plane["flatness_mean_m"] for plane in planes])
+    deviation = deviation * np.sqrt(targets / np.maximum(targets - 3.0, 1.0))
     return SurveyUncertainty(
         np.array(pose["translation_m"]),
         np.array(pose["covariance_rad_m"]),
-        np.array([plane["covariance"] for plane in content["planes"]]),
+        np.array([plane["covariance"] for plane in planes]),
         deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)),
     )
 

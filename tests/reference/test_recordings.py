@@ -159,7 +159,7 @@ def test_hdl32e_agrees_with_veloview(frame1, veloview, veloview_parameters):
     np.testing.assert_array_equal(intensity[kept], veloview[:, 3])
     phi = beam_model.angle_from_ticks(azimuth[kept], laser[kept], scanner, 2 * np.pi * rate)
     found = beam_model.points(
-        beam_model.distance_from_ticks(distance[kept]), phi, laser[kept], veloview_parameters
+        beam_model.distance_from_ticks(distance[kept], 0.002), phi, laser[kept], veloview_parameters
     )
     differences = found - veloview[:, :3]
     np.testing.assert_allclose(np.median(differences, axis=0), 0, atol=1e-6)
@@ -189,7 +189,7 @@ def test_hdl32e_is_veloview_but_for_its_rounding(frame1, veloview, veloview_para
     assert set(laser[kept][tied]) == {10, 20, 30}
     phi = np.deg2rad((azimuth + np.rint(addition)) * 0.01)[kept]
     found = beam_model.points(
-        beam_model.distance_from_ticks(distance[kept]), phi, laser[kept], veloview_parameters
+        beam_model.distance_from_ticks(distance[kept], 0.002), phi, laser[kept], veloview_parameters
     )
     apart = np.linalg.norm(found - veloview[:, :3], axis=1)
     assert apart[~tied].max() < 2e-5  # single precision at 100 m
@@ -388,7 +388,7 @@ def test_points_agree_with_velodyne_decoder(name, file, nearer_m, shared):
         azimuth[kept], laser[kept], scanner, 2 * np.pi * inspect(path).index.rate_hz()
     )
     ours = beam_model.points(
-        beam_model.distance_from_ticks(distance[kept]),
+        beam_model.distance_from_ticks(distance[kept], 0.002),
         phi,
         laser[kept],
         parameters.nominal(scanner),
@@ -417,7 +417,7 @@ def test_velodyne_decoder_with_its_own_calibration(name, file, nearer_m, shared)
     phi = beam_model.angle_from_ticks(
         azimuth[kept], laser[kept], scanner, 2 * np.pi * inspect(path).index.rate_hz()
     )
-    metres = beam_model.distance_from_ticks(distance[kept])
+    metres = beam_model.distance_from_ticks(distance[kept], 0.002)
     ours = beam_model.points(metres, phi, laser[kept], its_own)
     assert_agree(ours, velodyne_decoder_points(payloads, scanner, None), nearer_m)
 

@@ -1,12 +1,14 @@
 """Solver of the paper's model: fast form against the literal one, rank, prior."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from velocal.adjustment import settings, tabulate
-from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser
+from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, joined
 from velocal.adjustment.solvers import PaperLiteral, PaperModel, System, WithPrior
-from velocal.adjustment.stochastic import Stochastic
+from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError
 from velocal.parameters import PARAMETERS, ParameterSet
 
@@ -132,3 +134,20 @@ def test_settings():
 
 def test_parameters_have_their_order():
     assert PARAMETERS == ("dl", "alpha", "v", "voff", "hoff")
+
+
+def test_what_two_stations_have_of_uneven_walls():
+    """Half the variance of one, wherever the angles of the two lie between each other."""
+    data, true = walls(noise=0.001)
+    survey = SurveyUncertainty(
+        np.zeros(3), np.zeros((6, 6)), np.zeros((2, 4, 4)), np.full(2, 0.004)
+    )
+    data = replace(data, plane=(data.phi > 0).astype(int))
+    again = replace(data, phi=data.phi + 1e-6)
+    parts = []
+    for stations in ([data], [data, again]):
+        model = Stochastic(0.01, PRIOR, survey=(survey,) * len(stations))
+        found = adjust_laser(joined(stations), 0, true, ("dl", "alpha"), WithPrior(), model)
+        parts.append(found.parts["flatness"])
+    # Where cells begin is not the same for the second.
+    np.testing.assert_allclose(np.diag(parts[1]), np.diag(parts[0]) / 2, rtol=0.05)

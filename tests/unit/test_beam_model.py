@@ -96,7 +96,7 @@ def test_by_hand(distance, phi_deg, values, expected):
 
 
 def test_ticks():
-    assert list(beam_model.distance_from_ticks(np.array([0, 1, 65_535], np.uint16))) == [
+    assert list(beam_model.distance_from_ticks(np.array([0, 1, 65_535], np.uint16), 0.002)) == [
         0.0,
         0.002,
         pytest.approx(131.07),

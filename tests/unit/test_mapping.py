@@ -1,5 +1,6 @@
 """Maps: points of several positions in one frame, sections of walls, and their figure."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import draw_map
@@ -13,6 +14,9 @@ from building_helpers import ROOM, WORLD, stated
 from velocal import captions, map_figure, mapping, schemas, storage
 from velocal.calibration_files import table
 from velocal.errors import VelocalError
+from velocal.parameters import nominal
+from velocal.rigid import RigidTransformation
+from velocal.sensors import SCANNERS
 from velocal.sheets import read_yaml
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
@@ -53,6 +57,23 @@ def test_thickness_is_that_about_the_walls_own_line():
     assert (chosen[:, 0] <= 5.0).all()
     assert (np.abs(chosen[:, 2] - 1.0) <= 0.1).all()
     assert 0.8 < len(part.rows) / (20_000 * 5 / 7 * 0.1) < 1.2
+
+
+@pytest.mark.parametrize("name", ["HDL-64E", "VLP-32C"])
+def test_ranges_are_counted_in_the_ticks_of_the_scanner(name):
+    scanner = SCANNERS[name]
+    returns = {
+        "laser_id": np.arange(4),
+        "azimuth": np.full(4, 9000),
+        "distance": np.array([2500, 0, 5, 1]),
+    }
+    flat = replace(nominal(scanner), voff=np.zeros(scanner.n_lasers))
+    pose = RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+    found = mapping.rows(0, returns, scanner, 10.0, [flat, flat], pose)
+    length = np.linalg.norm([found[f"{axis}_factory_m"] for axis in "xyz"], axis=0)
+    expected = np.hypot(returns["distance"][[0, 2, 3]] * scanner.distance_tick_m,
+                        flat.hoff[[0, 2, 3]])  # fmt: skip
+    np.testing.assert_allclose(length, expected)
 
 
 def test_a_wall_may_run_along_y():

@@ -174,6 +174,17 @@ def test_vertical_walls_alone_hold_what_they_cannot_tell():
         )
 
 
+def test_a_laser_without_observations_stays_out_of_the_datum():
+    true = free_field(np.zeros(N))
+    data = true.take(true.laser_id != 2)
+    names = ("dl", "alpha", "v", "scale")
+    result = adjust_joint(data, data.station_number, FACTORY, names, STOCHASTIC)
+    assert (result.corrections[2] == 0.0).all()
+    seen = np.arange(N) != 2
+    for column in (1, 3):
+        np.testing.assert_allclose(result.corrections[seen, column].mean(), 0.0, atol=1e-9)
+
+
 def test_weights_that_move_with_the_lasers_do_not_stop_the_joint_adjustment():
     """Angles make weights depend on the parameters: sums of other weights do not compare."""
     windows = [samples(0.02)[kind][0].windows[0] for kind in (0, 1)]

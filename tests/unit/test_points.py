@@ -60,7 +60,7 @@ def expected(path, payloads, settings, parameter_set):
     kept = firings.distance.reshape(-1) > 0
     rate = 2 * np.pi * inspect(path).index.rate_hz()
     phi = beam_model.angle_from_ticks(azimuth, laser, scanner, rate)
-    distance = beam_model.distance_from_ticks(firings.distance.reshape(-1))
+    distance = beam_model.distance_from_ticks(firings.distance.reshape(-1), 0.002)
     xyz = beam_model.points(distance[kept], phi[kept], laser[kept], parameter_set)
     return xyz, laser[kept], firings.intensity.reshape(-1)[kept]
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from velocal.errors import SurveyError
-from velocal.station import adjust_station, as_dict, patches_of
+from velocal.planes import fit_plane
+from velocal.station import adjust_station, as_dict, patches_of, uncertainty_of
 from velocal.survey import Targets, read_targets, write_targets
 
 HEADER = "target,plane,x_m,y_m,z_m,std_x_mm,std_y_mm,std_z_mm\n"
@@ -77,6 +78,33 @@ def test_station_and_its_file():
     np.testing.assert_array_equal(again.corners, patch.corners)
     inside = patch.contains(np.array([[0.0, 2.0, 0.5], [0.0, 2.0, 1.6], [1.2, 2.0, 0.5]]))
     assert inside.tolist() == [True, False, False]
+
+
+def with_planes(**values):
+    pose = {"translation_m": np.zeros(3), "covariance_rad_m": np.zeros((6, 6))}
+    plane = {"covariance": np.zeros((4, 4)), "flatness_mean_m": 0.001, **values}
+    return {"pose": pose, "planes": [plane]}
+
+
+@pytest.mark.parametrize("factor", [None, float("nan"), 0.7])
+def test_targets_that_show_no_flatness(factor):
+    known = uncertainty_of(with_planes(targets=3, variance_factor=factor))
+    assert known.flatness_m == 0.0
+
+
+@pytest.mark.parametrize("n", [5, 10, 60])
+def test_flatness_is_not_lessened_by_the_fit(n):
+    rng, found = np.random.default_rng(5), []
+    for _ in range(400):
+        xy = rng.uniform(-1.0, 1.0, (n, 2))
+        # 4 mm of the wall, 1 mm of the targets.
+        z = rng.normal(0.0, np.hypot(0.004, 0.001), n)
+        fit = fit_plane(np.column_stack([xy, z + 3.0]), np.full(n, 0.001))
+        content = with_planes(
+            targets=n, variance_factor=fit.variance_factor, flatness_mean_m=fit.flatness_mean_m
+        )
+        found.append(uncertainty_of(content).flatness_m[0] ** 2)
+    assert np.sqrt(np.mean(found)) == pytest.approx(0.004, rel=0.1)
 
 
 def test_too_few_common_base_targets():

@@ -21,8 +21,8 @@ from velocal.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 
-#: Corrections whose mean over the lasers is kept at zero: the datum. A common alpha is a turn of
-#: all planes, a common range scale their size.
+#: Corrections whose mean over the observed lasers is kept at zero: the datum. A common alpha is a
+#: turn of all planes, a common range scale their size.
 DATUM = ("alpha", "scale")
 #: Unknowns of a plane: two of the direction of its normal (rad) and the offset (m), and units in
 #: which they are so large that no plane is ever held.
@@ -140,8 +140,10 @@ def adjust_joint(
     prior = np.array([stochastic.prior_std[name] for name in names])
     unit = np.concatenate([np.tile(prior, lasers), np.full(groups * _PLANE, _PLANE_UNIT)])
     datum = np.zeros((len(unit), sum(name in DATUM for name in names)))
+    seen = np.bincount(observations.laser_id, minlength=lasers) > 0
+    free = np.concatenate([np.repeat(seen, u), np.ones(groups * _PLANE, dtype=bool)])
     for column, name in enumerate(name for name in names if name in DATUM):
-        datum[list(names).index(name) : lasers * u : u, column] = 1.0 / _DATUM_STD
+        datum[list(names).index(name) : lasers * u : u, column] = seen / _DATUM_STD
 
     def linearised(x: Array) -> _Linearised:
         """Linearise in units of the prior, with the datum as further observations."""
@@ -159,8 +161,10 @@ def adjust_joint(
     while not converged and iterations < max_iterations:
         iterations += 1
         if basis is None:
-            values, vectors = np.linalg.eigh(here.matrix)
-            basis = vectors[:, values > 1.0 / truncate_at**2]
+            values, vectors = np.linalg.eigh(here.matrix[np.ix_(free, free)])
+            basis = np.zeros((len(unit), len(values)))
+            basis[free] = vectors
+            basis = basis[:, values > 1.0 / truncate_at**2]
         delta = -basis @ np.linalg.solve(basis.T @ here.matrix @ basis, basis.T @ here.right)
         before = float(here.weight @ here.w**2)
         for half in range(12):

@@ -147,8 +147,9 @@ def adjust_all(
     list of Adjustment
         By laser; with rank 0 and all parameters held where a laser has no observations.
     """
-    # Rows of a laser together, in the order of the angle, so that everything below is a slice.
-    order = np.lexsort((observations.phi, observations.laser_id))
+    # Rows of a laser together, so that everything below is a slice; those of a station in the
+    # order of the angle.
+    order = np.lexsort((observations.phi, observations.station_number, observations.laser_id))
     data = observations.take(order)
     data = replace(data, normal=np.asfortranarray(data.normal))
     columns = [ADJUSTABLE.index(name) for name in names]

@@ -101,7 +101,7 @@ def derivatives(
     station: NDArray[np.integer],
     plane: NDArray[np.integer],
 ) -> Derivatives:
-    """Derivatives for rows that are sorted by laser and rotational angle.
+    """Derivatives for rows that are sorted by laser, station and rotational angle.
 
     Parameters
     ----------

@@ -5,6 +5,7 @@ from pathlib import Path
 from velocal import storage
 from velocal.errors import reported
 from velocal.field_book import FILES, read_field_book
+from velocal.station import plane_covariances
 from velocal.survey import write_targets
 from velocal.survey_network import accuracy, adjust_field_book, as_dict, covariances
 
@@ -18,7 +19,9 @@ def main(observations: dict[str, Path], out: dict[str, Path]) -> None:
     write_targets(
         out["base_scanner"], "scanner", [found.targets for found in survey.readings.values()]
     )
-    storage.write_json(out["covariance"], covariances(survey.base_field))
+    known = {"base_field": covariances(survey.base_field)}
+    known["planes"] = plane_covariances(survey.planes)
+    storage.write_json(out["covariance"], known)
     storage.write_json(out["quality"], as_dict(survey))
     storage.write_csv(out["accuracy"], accuracy(survey), digits=4)
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from velocal import storage
 from velocal.errors import reported
 from velocal.station import adjust_station, as_dict
@@ -21,14 +23,15 @@ def main(
 ) -> None:
     """Write pose and planes, with covariances and residuals, as JSON."""
     field = read_targets(base_field, "position").of(position, where=str(base_field))
-    if covariance:
-        content = storage.read_json(covariance)
-        field = with_covariance(field, content[position], where=str(covariance))
+    known = storage.read_json(covariance) if covariance else {}
+    if known:
+        field = with_covariance(field, known["base_field"][position], where=str(covariance))
     station = adjust_station(
         read_targets(planes, "plane"),
         read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner)),
         field,
         names,
+        covariances={name: np.array(found) for name, found in known.get("planes", {}).items()},
         where=str(planes),
     )
     storage.write_json(survey, {"position": position, "scanner": scanner, **as_dict(station)})

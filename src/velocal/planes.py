@@ -76,7 +76,7 @@ class PlaneFit:
         return float(np.max(np.abs(self.residuals)))
 
 
-def fit_plane(points: Array, std: Array | None = None) -> PlaneFit:
+def fit_plane(points: Array, std: Array | None = None, covariance: Array | None = None) -> PlaneFit:
     """Adjust a plane by weighted orthogonal (total) least squares.
 
     Parameters
@@ -86,6 +86,9 @@ def fit_plane(points: Array, std: Array | None = None) -> PlaneFit:
     std : ndarray, shape (n,), optional
         Isotropic standard deviation of every point, metres; equal and estimated from the
         residuals if omitted.
+    covariance : ndarray, shape (3 n, 3 n), optional
+        Of the coordinates of all points, from which that of the plane follows; weights are those
+        of `std`, which knows nothing of what the points have in common.
 
     Raises
     ------
@@ -113,6 +116,11 @@ def fit_plane(points: Array, std: Array | None = None) -> PlaneFit:
     tangent = vectors[:, 1:]
     design = np.column_stack([centred @ tangent, np.ones(len(points))])
     cofactor = np.linalg.inv((design * weight[:, None]).T @ design)
+    if covariance is not None:
+        gain = cofactor @ (design * weight[:, None]).T
+        blocks = covariance.reshape(len(points), 3, len(points), 3)
+        across = np.einsum("i,aibj,j->ab", normal, blocks, normal, optimize=True)
+        cofactor, scale = gain @ across @ gain.T, 1.0
     spread = np.zeros((4, 3))
     spread[:3, :2] = tangent
     spread[3, :2] = -centre @ tangent

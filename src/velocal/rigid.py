@@ -35,6 +35,13 @@ class RigidTransformation:
         """Transform points, shape (..., 3), from the source to the target frame."""
         return points @ self.rotation.T + self.translation
 
+    def plane_matrix(self) -> Array:
+        """Matrix (4, 4) that takes normal and offset of a plane to the target frame."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[3, :3] = -self.translation @ self.rotation
+        return matrix
+
     def inverse(self) -> RigidTransformation:
         """Return the transformation from target to source, covariance propagated."""
         rotation = self.rotation.T

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.lasers import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
+from velocal.errors import SurveyError
 from velocal.planes import Patch, Plane, PlaneFit, fit_plane, hull_patch
 from velocal.rigid import RigidAdjustment, RigidTransformation, adjust_rigid
 from velocal.survey import Targets, common
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,35 @@ class Station:
     patches: list[Patch]
 
 
+def plane_covariances(targets: Targets) -> dict[str, Array]:
+    """Covariance (4, 4) of normal and offset of every plane, in the frame of its targets.
+
+    With what the targets have in common: errors of the control points and cameras shift and turn
+    a plane, and do not average out over its targets.
+    """
+    found = {}
+    for name in dict.fromkeys(targets.group):
+        part = targets.of(name, where=name)
+        # Whoever uses a plane that its targets do not determine is told so.
+        with suppress(SurveyError):
+            fit = fit_plane(part.xyz, _isotropic(part), part.covariance())
+            found[name] = fit.plane.covariance
+    return found
+
+
+def _isotropic(targets: Targets) -> Array:
+    """Equal in all directions: the root of the mean variance of the three coordinates."""
+    return np.asarray(np.sqrt(np.mean(targets.std**2, axis=1)))
+
+
 def adjust_station(
-    planes: Targets, base_scanner: Targets, base_field: Targets, names: Sequence[str], *, where: str
+    planes: Targets,
+    base_scanner: Targets,
+    base_field: Targets,
+    names: Sequence[str],
+    *,
+    covariances: Mapping[str, Array] | None = None,
+    where: str,
 ) -> Station:
     """Adjust pose and planes of a position.
 
@@ -51,6 +82,9 @@ def adjust_station(
         Targets of the scanner's base in the scanner frame and in the field frame.
     names : sequence of str
         Planes to use.
+    covariances : mapping of str to ndarray, shape (4, 4), optional
+        Of normal and offset of planes in the field frame (`plane_covariances`); from the
+        standard deviations of their targets alone where there is none.
     where : str
         Survey file, for errors.
 
@@ -65,8 +99,11 @@ def adjust_station(
     for name in names:
         targets = planes.of(name, where=where)
         points = pose.transformation.apply(targets.xyz)
-        # Equal in all directions: the mean variance of the three coordinates.
-        fit = fit_plane(points, np.sqrt(np.mean(targets.std**2, axis=1)))
+        fit = fit_plane(points, _isotropic(targets))
+        if covariances and name in covariances:
+            moved = pose.transformation.plane_matrix()
+            known = moved @ covariances[name] @ moved.T
+            fit = replace(fit, plane=replace(fit.plane, covariance=known))
         fits.append(fit)
         patches.append(hull_patch(name, fit, points))
     return Station(pose, field.name, fits, patches)

@@ -104,7 +104,7 @@ class Study:
         if not self.observations:
             return dict(self.config.get("survey", {}))
         files = {name: f"{made}/{name}.csv" for name in ("planes", "base_scanner", "base_field")}
-        return {**files, "covariance": f"{made}/base_field_covariance.json"}
+        return {**files, "covariance": f"{made}/covariance.json"}
 
     @property
     def factories(self) -> dict[str, str]:

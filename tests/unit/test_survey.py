@@ -5,7 +5,14 @@ import pytest
 
 from velocal.errors import SurveyError
 from velocal.planes import fit_plane
-from velocal.station import adjust_station, as_dict, patches_of, uncertainty_of
+from velocal.rigid import RigidTransformation
+from velocal.station import (
+    adjust_station,
+    as_dict,
+    patches_of,
+    plane_covariances,
+    uncertainty_of,
+)
 from velocal.survey import Targets, read_targets, write_targets
 
 HEADER = "target,plane,x_m,y_m,z_m,std_x_mm,std_y_mm,std_z_mm\n"
@@ -105,6 +112,34 @@ def test_flatness_is_not_lessened_by_the_fit(n):
         )
         found.append(uncertainty_of(content).flatness_m[0] ** 2)
     assert np.sqrt(np.mean(found)) == pytest.approx(0.004, rel=0.1)
+
+
+def test_covariance_of_planes_whose_targets_have_errors_in_common():
+    """Drawn shifts, turns and single errors, fitted in another frame, against what is stated."""
+    rng = np.random.default_rng(7)
+    xyz = np.column_stack([rng.uniform(0.0, 5.0, 40), np.full(40, 3.0), rng.uniform(0.0, 2.0, 40)])
+    # Single errors of 1 mm; all are shifted by 0.5 mm and turned about Z.
+    common = np.tile(np.eye(3), (40, 1)) * 5e-4
+    turn = np.cross([0.0, 0.0, 1.0], xyz).reshape(-1, 1) * 2e-4
+    root = np.hstack([common, turn, np.eye(120) * 1e-3])
+    names, group = tuple(map(str, range(40))), ("wall",) * 40
+    std = np.sqrt(np.diag(root @ root.T)).reshape(-1, 3)
+    covariance = plane_covariances(Targets(names, group, xyz, std, root @ root.T))["wall"]
+    c, s = np.cos(0.4), np.sin(0.4)
+    frame = RigidTransformation(
+        np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([1.0, -0.5, 0.2]),
+        np.zeros((6, 6)),
+    )  # fmt: skip
+    stated = frame.plane_matrix() @ covariance @ frame.plane_matrix().T
+    weights = np.sqrt(np.mean(std**2, axis=1))
+    found = []
+    for _ in range(4000):
+        moved = xyz + (root @ rng.standard_normal(root.shape[1])).reshape(-1, 3)
+        plane = fit_plane(frame.apply(moved), weights).plane
+        found.append([*plane.normal, plane.offset])
+    seen = np.cov(np.array(found).T)
+    scale = np.sqrt(np.outer(np.diag(seen), np.diag(seen)))
+    np.testing.assert_allclose(seen / scale, stated / scale, atol=0.08)
 
 
 def test_too_few_common_base_targets():

@@ -3,6 +3,7 @@
 # in:   observations (points, sights, image rays, readings), or survey files: targets of the planes
 #       and of the scanner's base in the field frame, targets of the base in the scanner frame
 # out:  {results}/survey/{control,planes,base_field,base_scanner}.csv   adjusted from observations
+#       {results}/survey/covariance.json  of all coordinates of a base, and of the planes
 #       {results}/survey/network.csv     largest standard deviation of every kind of point
 #       {results}/survey/network.json    redundancy, variance factor, tests, datum; points
 #       {results}/survey/network.{svg,png}   plan with error ellipses

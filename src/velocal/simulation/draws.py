@@ -6,7 +6,7 @@ of the observations, and a survey that is measured and adjusted anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from velocal.simulation.scene import Surface, cast, surveyed_field
 from velocal.simulation.survey import base_targets_true, field_book, marks
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import ErrorModel, World
-from velocal.station import Station, adjust_station, as_dict, uncertainty_of
+from velocal.station import Station, adjust_station, as_dict, plane_covariances, uncertainty_of
 from velocal.survey import Targets
 from velocal.survey_network import adjust_field_book
 
@@ -276,6 +276,7 @@ class _Design:
     base_scanner: Targets
     base_field: Targets
     roots: tuple[Array, Array, Array]
+    covariances: Mapping[str, Array]
 
 
 def _design(at: Geometry) -> _Design:
@@ -286,7 +287,8 @@ def _design(at: Geometry) -> _Design:
     for part in parts:
         values, vectors = np.linalg.eigh(part.covariance())
         roots.append(vectors * np.sqrt(np.maximum(values, 0.0)))
-    return _Design(*parts, (roots[0], roots[1], roots[2]))
+    covariances = plane_covariances(survey.planes)
+    return _Design(*parts, (roots[0], roots[1], roots[2]), covariances)
 
 
 def _survey(at: Geometry, rng: np.random.Generator, targets: Array, design: _Design) -> Station:
@@ -298,4 +300,6 @@ def _survey(at: Geometry, rng: np.random.Generator, targets: Array, design: _Des
         replace(part, xyz=xyz + (root @ rng.standard_normal(len(root))).reshape(-1, 3))
         for part, xyz, root in zip(parts, true, design.roots, strict=True)
     )
-    return adjust_station(planes, scanner, field, PLANES, where="Monte Carlo")
+    return adjust_station(
+        planes, scanner, field, PLANES, covariances=design.covariances, where="Monte Carlo"
+    )

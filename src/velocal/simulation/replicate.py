@@ -31,7 +31,14 @@ from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
-from velocal.station import Station, adjust_station, as_dict, observations, uncertainty_of
+from velocal.station import (
+    Station,
+    adjust_station,
+    as_dict,
+    observations,
+    plane_covariances,
+    uncertainty_of,
+)
 from velocal.study import Sample, Study
 from velocal.survey_network import Survey, adjust_field_book
 from velocal.validation import statistics_table
@@ -193,7 +200,14 @@ def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> 
 
 def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
     base = survey.readings[scanner].targets
-    return adjust_station(survey.planes, base, survey.base_field[position], planes, where="replica")
+    return adjust_station(
+        survey.planes,
+        base,
+        survey.base_field[position],
+        planes,
+        covariances=plane_covariances(survey.planes),
+        where="replica",
+    )
 
 
 def _windows(

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import yaml
 
-from velocal import schemas, storage
 from velocal.adjustment import settings
 from velocal.adjustment.lasers import adjust_all
+from velocal.io import schemas, storage
 from velocal.simulation import truth, world
-from velocal.station import observations, patches_of, uncertainty_of
+from velocal.survey.station import observations, patches_of, uncertainty_of
 
 ROOT = Path(__file__).parents[1]
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from velocal.calibration_files import formats
-from velocal.conversion import RANGES_M, apart, convert, exported
-from velocal.dialects import DIALECTS, MANUAL, PAPER
-from velocal.parameters import nominal
-from velocal.sensors import SCANNERS
+from velocal.calibration.convert import RANGES_M, apart, convert, exported
+from velocal.calibration.dialects import DIALECTS, MANUAL, PAPER
+from velocal.calibration.files import formats
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 
 DOC = Path(__file__).parents[1] / "docs/dialects.md"
 MARK = "<!-- {}: made by benchmarks/dialects.py -->"

@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from velocal import field, outdoor
 from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations, adjust_all
-from velocal.beam_model import laser_beams
-from velocal.sensors import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
-from velocal.sheets import read_yaml
+from velocal.evaluation import panels as outdoor
+from velocal.evaluation import planes_in_data as field
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
 from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.study.sheets import read_yaml
 
 PLANES = 3
 ROTATIONS = 8

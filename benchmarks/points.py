@@ -16,11 +16,11 @@ import numpy as np
 import velodyne_decoder as vd
 import yaml
 
-from velocal.calibration_files import formats
-from velocal.point_clouds.files import FORMATS, cloud_writer
-from velocal.point_clouds.placing import Settings, stream
-from velocal.recording.rotations import inspect
-from velocal.sensors import SCANNERS
+from velocal.calibration.files import formats
+from velocal.points.files import FORMATS, cloud_writer
+from velocal.points.stream import Settings, stream
+from velocal.recording.scan import inspect
+from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth, world
 
 ROOT = Path(__file__).parents[1]

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal import schemas, storage
 from velocal.adjustment import settings, tabulate
 from velocal.adjustment.lasers import adjust_all
-from velocal.calibration_files.formats import read_or_nominal
+from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
-from velocal.sensors import scanner_named
-from velocal.station import observations, patches_of, uncertainty_of
+from velocal.io import schemas, storage
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import observations, patches_of, uncertainty_of
 
 
 def main(

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.field_book import FILES, read_field_book
-from velocal.station import plane_covariances
-from velocal.survey import write_targets
-from velocal.survey_network import accuracy, adjust_field_book, as_dict, covariances
+from velocal.io import storage
+from velocal.survey.network.observations import FILES, read_field_book
+from velocal.survey.network.survey import accuracy, adjust_field_book, as_dict, covariances
+from velocal.survey.station import plane_covariances
+from velocal.survey.targets import write_targets
 
 
 def main(observations: dict[str, Path], out: dict[str, Path]) -> None:

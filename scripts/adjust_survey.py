@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.station import adjust_station, as_dict
-from velocal.survey import read_targets, with_covariance
+from velocal.io import storage
+from velocal.survey.station import adjust_station, as_dict
+from velocal.survey.targets import read_targets, with_covariance
 
 
 def main(

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from velocal import schemas, storage
-from velocal.assignment import Gates
-from velocal.calibration_files.formats import read_or_nominal
+from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
-from velocal.scans import assigned_scan
-from velocal.sensors import scanner_named
-from velocal.station import patches_of
+from velocal.io import schemas, storage
+from velocal.reduction.assignment import Gates
+from velocal.reduction.scans import assigned_scan
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import patches_of
 
 
 def main(

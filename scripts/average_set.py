@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-from velocal import __version__, storage
+from velocal import __version__
+from velocal.adjustment.average import average, average_covariance, scatter_table
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.tabulate import read_corrections
-from velocal.averaging import average, average_covariance, scatter_table
-from velocal.calibration_files import formats
-from velocal.calibration_files.lasers import Calibration
-from velocal.conversion import exported
+from velocal.calibration.convert import exported
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import Calibration
 from velocal.errors import reported
-from velocal.sensors import scanner_named
+from velocal.io import storage
+from velocal.scanner.models import scanner_named
 
 
 def main(

@@ -6,12 +6,15 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import comparison, figures, methods, schemas, storage
 from velocal.adjustment import settings
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.errors import reported
-from velocal.sensors import scanner_named
-from velocal.station import observations, patches_of
+from velocal.evaluation import methods
+from velocal.io import schemas, storage
+from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures import methods as comparison
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import observations, patches_of
 
 
 def main(

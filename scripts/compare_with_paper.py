@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal import published, statements, storage
 from velocal.errors import reported
+from velocal.io import storage
+from velocal.paper import printed as published
+from velocal.paper import statements
 
 
 def _frame(path: Path) -> pd.DataFrame:

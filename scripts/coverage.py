@@ -6,14 +6,21 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import storage
 from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
 from velocal.errors import reported
-from velocal.monte_carlo import cramer_rao, observable_only, of_unit, outcome, summary, white_only
-from velocal.sheets import read_yaml
+from velocal.io import storage
 from velocal.simulation import world
+from velocal.simulation.coverage import (
+    cramer_rao,
+    observable_only,
+    of_unit,
+    outcome,
+    summary,
+    white_only,
+)
 from velocal.simulation.draws import full_draws, geometry, white_draws
+from velocal.study.sheets import read_yaml
 
 #: Position of each scanner, and of how many lasers one is simulated.
 POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}

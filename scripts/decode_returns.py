@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from velocal.capture.reading import Choice
 from velocal.errors import reported
-from velocal.recording.reading import Choice
+from velocal.recording.returns import write_returns
 from velocal.recording.windows import read_index, window_rotations
-from velocal.returns import write_returns
-from velocal.sensors import scanner_named
+from velocal.scanner.models import scanner_named
 
 
 def main(

@@ -6,8 +6,9 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import figures, schemas, storage
 from velocal.errors import reported
+from velocal.io import schemas, storage
+from velocal.reporting.figures import lasers as figures
 
 
 def main(

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal import figures, map_figure, schemas, storage
 from velocal.errors import reported
-from velocal.mapping import clouds, section, summary_table
+from velocal.evaluation.interior_map import clouds, section, summary_table
+from velocal.io import schemas, storage
+from velocal.reporting.figures import interior_map as map_figure
+from velocal.reporting.figures import lasers as figures
 
 
 def main(

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.figures import save
-from velocal.network_figure import draw_network
+from velocal.io import storage
+from velocal.reporting.figures.lasers import save
+from velocal.reporting.figures.network import draw_network
 
 
 def main(quality: Path, svg: Path, png: Path, *, simulated: bool) -> None:

@@ -6,13 +6,15 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import figures, plan_figure, schemas, storage
-from velocal.assignment import Gates
-from velocal.calibration_files.formats import read_or_nominal
+from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
-from velocal.sensors import scanner_named
-from velocal.station import patches_of, pose_of
-from velocal.survey import read_targets
+from velocal.io import schemas, storage
+from velocal.reduction.assignment import Gates
+from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures import plan as plan_figure
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import patches_of, pose_of
+from velocal.survey.targets import read_targets
 
 
 def main(

@@ -6,12 +6,14 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import field, field_search, schemas, storage
-from velocal.calibration_files.formats import read_or_nominal
+from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
-from velocal.field_figure import field_planes
-from velocal.figures import save
-from velocal.sensors import scanner_named
+from velocal.evaluation import plane_search as field_search
+from velocal.evaluation import planes_in_data as field
+from velocal.io import schemas, storage
+from velocal.reporting.figures.lasers import save
+from velocal.reporting.figures.unsurveyed import field_planes
+from velocal.scanner.models import scanner_named
 
 
 def main(

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from velocal import storage
+from velocal.capture.reading import Choice
 from velocal.errors import reported
+from velocal.io import storage
 from velocal.recording.identify import check_scanner
-from velocal.recording.reading import Choice
-from velocal.recording.rotations import inspect
+from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
-from velocal.sensors import scanner_named
+from velocal.scanner.models import scanner_named
 
 
 def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str, choice: Choice) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import storage, tables
 from velocal.errors import reported
+from velocal.io import storage
+from velocal.paper import tables
 
 
 def main(

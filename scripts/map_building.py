@@ -2,14 +2,15 @@
 
 from pathlib import Path
 
-from velocal import mapping, schemas, storage
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.errors import reported
+from velocal.evaluation import interior_map as mapping
+from velocal.io import schemas, storage
 from velocal.recording.identify import check_scanner
-from velocal.recording.rotations import inspect
-from velocal.returns import returns_of
-from velocal.sensors import scanner_named
-from velocal.survey import read_targets
+from velocal.recording.returns import returns_of
+from velocal.recording.scan import inspect
+from velocal.scanner.models import scanner_named
+from velocal.survey.targets import read_targets
 
 
 def main(

@@ -6,12 +6,13 @@ from typing import Any
 
 import pandas as pd
 
-from velocal import outdoor, storage
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.errors import reported
-from velocal.field import Cloud
-from velocal.returns import read_short
-from velocal.sensors import scanner_named
+from velocal.evaluation import panels as outdoor
+from velocal.evaluation.planes_in_data import Cloud
+from velocal.io import storage
+from velocal.recording.returns import read_short
+from velocal.scanner.models import scanner_named
 
 
 def main(

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
+from velocal.capture.reading import Choice
 from velocal.errors import reported
-from velocal.recording.reading import Choice
-from velocal.recording.rotations import inspect
+from velocal.recording.scan import inspect
 
 
 def main(recording: Path, calibration: Path, *, choice: Choice) -> None:

@@ -3,10 +3,10 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from velocal import schemas, storage
 from velocal.errors import reported
-from velocal.medians import cell_medians
-from velocal.sensors import scanner_named
+from velocal.io import schemas, storage
+from velocal.reduction.medians import cell_medians
+from velocal.scanner.models import scanner_named
 
 
 def main(

@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.sheets import read_yaml
-from velocal.simulation import replicate, world
-from velocal.study import read_study
+from velocal.io import storage
+from velocal.paper import replicate
+from velocal.simulation import world
+from velocal.study.config import read_study
+from velocal.study.sheets import read_yaml
 
 
 def main(

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from velocal import schemas, storage
 from velocal.adjustment.tabulate import read_corrections
-from velocal.beam_model import points
-from velocal.calibration_files.formats import read_or_nominal
+from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
-from velocal.sensors import scanner_named
-from velocal.station import observations, patches_of
-from velocal.validation import statistics_table
+from velocal.evaluation.statistics import statistics_table
+from velocal.io import schemas, storage
+from velocal.scanner.beam import points
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import observations, patches_of
 
 
 def main(

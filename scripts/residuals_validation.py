@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal import schemas, storage
-from velocal.assignment import Gates
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.errors import reported
-from velocal.scans import COLUMNS, assigned_scan, first_rotations
-from velocal.sensors import scanner_named
-from velocal.station import observations, patches_of
-from velocal.validation import statistics_table
+from velocal.evaluation.statistics import statistics_table
+from velocal.io import schemas, storage
+from velocal.reduction.assignment import Gates
+from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.scanner.models import scanner_named
+from velocal.survey.station import observations, patches_of
 
 
 def main(

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from velocal.errors import reported
-from velocal.sheets import read_yaml
+from velocal.io.storage import write_blocks
 from velocal.simulation import building, capture, world
-from velocal.storage import write_blocks
-from velocal.survey import write_targets
+from velocal.study.sheets import read_yaml
+from velocal.survey.targets import write_targets
 
 ROTATIONS = 1  # complete ones; a scan is no more
 

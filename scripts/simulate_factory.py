@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from velocal.calibration_files import formats, table
+from velocal.calibration.files import formats
+from velocal.calibration.files import velocal_csv as table
 from velocal.errors import reported
-from velocal.sheets import read_yaml
 from velocal.simulation import truth, world
+from velocal.study.sheets import read_yaml
 
 
 def main(world_file: Path, factory: Path, true: Path, *, scanner: str) -> None:

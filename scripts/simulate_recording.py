@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from velocal.errors import reported
-from velocal.sheets import read_yaml
+from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
-from velocal.storage import write_blocks
+from velocal.study.sheets import read_yaml
 
 
 def main(

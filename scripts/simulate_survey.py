@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from velocal.errors import reported
-from velocal.field_book import FILES, write_field_book
-from velocal.sheets import read_yaml
 from velocal.simulation import world
 from velocal.simulation.survey import field_book
+from velocal.study.sheets import read_yaml
+from velocal.survey.network.observations import FILES, write_field_book
 
 
 def main(world_file: Path, paths: dict[str, Path]) -> None:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal import outdoor, outdoor_figure, storage
 from velocal.errors import reported
-from velocal.figures import save
+from velocal.evaluation import panels as outdoor
+from velocal.io import storage
+from velocal.reporting.figures import panels as outdoor_figure
+from velocal.reporting.figures.lasers import save
 
 
 def main(

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.simulation.replicate import spread
+from velocal.io import storage
+from velocal.paper.replicate import spread
 
 
 def main(replicas: list[Path], agreement: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.tables import summarised
+from velocal.io import storage
+from velocal.paper.tables import summarised
 
 
 def main(parts: list[Path], lasers: Path, summary: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.field_figure import TABLE, field_markdown
+from velocal.io import storage
+from velocal.reporting.figures.unsurveyed import TABLE, field_markdown
 
 
 def main(planes: list[Path], csv: Path, md: Path) -> None:

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal import storage
 from velocal.errors import reported
-from velocal.sheets import read_yaml
-from velocal.simulation.tuning import tune
-from velocal.study import read_study
+from velocal.io import storage
+from velocal.paper.tuning import tune
+from velocal.study.config import read_study
+from velocal.study.sheets import read_yaml
 
 
 def main(

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal import report, storage
 from velocal.errors import reported
+from velocal.io import storage
+from velocal.reporting import report
 
 
 def main(

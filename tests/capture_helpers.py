@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from velocal import packets
-from velocal.recording.ledger import Ledger
-from velocal.recording.reading import ANY, Choice, open_recording
+from velocal.capture.ledger import Ledger
+from velocal.capture.reading import ANY, Choice, open_recording
+from velocal.packets import data as packets
 
 PAYLOAD = 1206
 UPPER, LOWER = 0xEEFF, 0xDDFF

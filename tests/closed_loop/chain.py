@@ -6,21 +6,21 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from velocal import schemas, storage
 from velocal.adjustment.lasers import Observations, adjust_all
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic
-from velocal.assignment import Gates
-from velocal.medians import cell_medians
-from velocal.parameters import ParameterSet
-from velocal.recording.rotations import inspect
-from velocal.returns import write_returns
-from velocal.scans import assigned_scan
-from velocal.sensors import SCANNERS
+from velocal.io import schemas, storage
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import inspect
+from velocal.reduction.assignment import Gates
+from velocal.reduction.medians import cell_medians
+from velocal.reduction.scans import assigned_scan
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import ParameterSet
 from velocal.simulation import capture, survey, truth, world
-from velocal.station import adjust_station, observations
-from velocal.survey_network import adjust_field_book
+from velocal.survey.network.survey import adjust_field_book
+from velocal.survey.station import adjust_station, observations
 
 WORLD = Path(__file__).parents[2] / "config/world.yaml"
 GATES = Gates(0.25, 0.05, 1.396)

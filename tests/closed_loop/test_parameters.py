@@ -17,7 +17,7 @@ from closed_loop.chain import Loop, run, study_world
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel
 from velocal.adjustment.stochastic import Stochastic
-from velocal.parameters import PARAMETERS
+from velocal.scanner.parameters import PARAMETERS
 
 NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2)}

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from closed_loop.chain import study_world
 
-from velocal import published, statements
-from velocal.sheets import read_yaml
-from velocal.simulation import replicate, tuning
-from velocal.study import read_study
+from velocal.paper import printed as published
+from velocal.paper import replicate, statements, tuning
+from velocal.study.config import read_study
+from velocal.study.sheets import read_yaml
 
 ROOT = Path(__file__).parents[2]
 WORLD = study_world()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from closed_loop.chain import study_world
 
-from velocal.rigid import RigidTransformation, adjust_rigid, closed_form
+from velocal.geometry.rigid import RigidTransformation, adjust_rigid, closed_form
 from velocal.simulation import survey
-from velocal.survey_network import Survey, accuracy, adjust_field_book
+from velocal.survey.network.survey import Survey, accuracy, adjust_field_book
 
 #: Largest mean square errors of a coordinate that the paper states, mm.
 PRINTED = {"control_points": 0.89, "targets": 0.93, "base_field": 0.97, "base_scanner": 0.68}

@@ -12,7 +12,14 @@ from closed_loop.chain import WORLD, study_world
 
 from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
-from velocal.monte_carlo import cramer_rao, observable_only, of_unit, outcome, summary, white_only
+from velocal.simulation.coverage import (
+    cramer_rao,
+    observable_only,
+    of_unit,
+    outcome,
+    summary,
+    white_only,
+)
 from velocal.simulation.draws import full_draws, geometry, white_draws
 
 CONFIG = yaml.safe_load((WORLD.parent / "config.yaml").read_text())["adjustment"]

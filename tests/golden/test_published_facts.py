@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from velocal import published
+from velocal.paper import printed as published
 
 ROWS = published.printed_rows()
 

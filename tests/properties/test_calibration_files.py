@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from velocal.calibration_files import decimals, formats
-from velocal.calibration_files.lasers import CARRIED
-from velocal.parameters import PARAMETERS, TWO_POINT, ParameterSet
+from velocal.calibration.files import decimals, formats
+from velocal.calibration.files.document import CARRIED
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT, ParameterSet
 
 RIGHT_ANGLE = np.pi / 2
 UNITS = [decimals.UNCHANGED, decimals.METRES_PER_CENTIMETRE, decimals.RADIANS_PER_DEGREE]

@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from velocal.errors import RecordingError
-from velocal.recording.rotations import inspect
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
 
 N = 20

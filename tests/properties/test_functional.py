@@ -5,9 +5,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
-from velocal.adjustment.paper_form import beta, paper_form
-from velocal.beam_model import points
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.paper.residual_form import beta, paper_form
+from velocal.scanner.beam import points
+from velocal.scanner.parameters import PARAMETERS, ParameterSet
 
 angle = st.floats(-np.pi, np.pi)
 CASES = st.fixed_dictionaries(

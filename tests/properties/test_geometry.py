@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from velocal.errors import SurveyError
-from velocal.planes import Patch, Plane, fit_plane, hull_patch
-from velocal.rigid import (
+from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
+from velocal.geometry.rigid import (
     RigidTransformation,
     adjust_rigid,
     closed_form,

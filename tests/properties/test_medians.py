@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from velocal.errors import VelocalError
-from velocal.medians import cell_medians
+from velocal.reduction.medians import cell_medians
 
 DIVISORS = [width for width in range(1, 36_001) if 36_000 % width == 0]
 

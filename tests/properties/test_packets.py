@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from velocal import packets
-from velocal.sensors import FLAG_LOWER, FLAG_UPPER, SCANNERS
+from velocal.packets import data as packets
+from velocal.scanner.models import FLAG_LOWER, FLAG_UPPER, SCANNERS
 
 counts = st.integers(min_value=1, max_value=4)
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from velocal.errors import CalibrationFileError
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.packets.status import OPENING, TABLE_PACKETS, StatusReader
+from velocal.scanner.parameters import PARAMETERS, ParameterSet
 from velocal.simulation.status import encode_table, status_bytes, table_packets
-from velocal.status import OPENING, TABLE_PACKETS, StatusReader
 
 #: Half of what the wire can tell apart.
 HALF = {"dl": 5e-4, "alpha": np.deg2rad(5e-3), "v": np.deg2rad(5e-3), "voff": 5e-4, "hoff": 5e-4}

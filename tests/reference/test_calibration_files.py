@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
-from velocal.calibration_files import formats
-from velocal.parameters import PARAMETERS, TWO_POINT, ParameterSet
+from velocal.calibration.files import formats
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT, ParameterSet
 
 #: Number of lasers of every real file.
 FILES = {

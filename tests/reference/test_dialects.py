@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from reference.dialect_formulas import FORMULAS, Laser
 
-from velocal import conversion, dialects, packets
-from velocal.calibration_files import formats
-from velocal.calibration_files.lasers import Calibration
-from velocal.dialects import DIALECTS, MANUAL, PAPER
+from velocal.calibration import convert as conversion
+from velocal.calibration import dialects
+from velocal.calibration.dialects import DIALECTS, MANUAL, PAPER
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import Calibration
 from velocal.errors import DialectError
-from velocal.parameters import ParameterSet
-from velocal.sensors import SCANNERS
+from velocal.packets import data as packets
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import ParameterSet
 
 HDL64E = ("64e_s2.1-sztaki.xml", "64e_s3-xiesc.yaml")
 #: On both sides of every limit, by ticks.
@@ -245,7 +247,7 @@ def test_velodyne_decoder_of_the_other_scanners(scanner, tmp_path):
 
 
 def test_points_of_the_model_are_the_dialect_of_the_paper():
-    from velocal import beam_model
+    from velocal.scanner import beam as beam_model
 
     parameters = some_lasers(np.random.default_rng(11))
     laser = np.arange(40).repeat(5)

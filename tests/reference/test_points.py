@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from unit.test_points import read_ply
 
 from velocal.cli import app
-from velocal.sensors import SCANNERS
+from velocal.scanner.models import SCANNERS
 
 
 @CASES

@@ -14,15 +14,17 @@ import yaml
 from capture_helpers import spin, two_returns
 from defusedxml import ElementTree
 
-from velocal import beam_model, parameters, schemas, storage
-from velocal.packets import BLOCKS, LAST, STRONGEST, decode, view
+from velocal.capture.ledger import Ledger
+from velocal.capture.reading import open_recording
+from velocal.io import schemas, storage
+from velocal.packets.data import BLOCKS, LAST, STRONGEST, decode, view
 from velocal.recording.identify import candidates, check_scanner
-from velocal.recording.ledger import Ledger
-from velocal.recording.reading import open_recording
-from velocal.recording.rotations import inspect
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
-from velocal.returns import write_returns
-from velocal.sensors import AZIMUTH_TICKS, SCANNERS
+from velocal.scanner import beam as beam_model
+from velocal.scanner import parameters
+from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
 
 
 def sound_payloads(path) -> np.ndarray:

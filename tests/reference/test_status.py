@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from closed_loop.chain import study_world
 
-from velocal.packets import BLOCKS, CHANNELS, encode
-from velocal.parameters import PARAMETERS
-from velocal.recording.rotations import inspect
+from velocal.packets.data import BLOCKS, CHANNELS, encode
+from velocal.packets.status import TABLE_PACKETS, StatusReader
+from velocal.recording.scan import inspect
+from velocal.scanner.parameters import PARAMETERS
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 from velocal.simulation.truth import factory_parameters
-from velocal.status import TABLE_PACKETS, StatusReader
 
 hdl64e = pytest.importorskip("velodyne_decoder.hdl64e")
 

@@ -10,7 +10,7 @@ from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, jo
 from velocal.adjustment.solvers import PaperLiteral, PaperModel, System, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, ParameterSet
 
 RNG = np.random.default_rng(1)
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}

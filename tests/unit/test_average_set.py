@@ -4,10 +4,10 @@ import average_set
 import numpy as np
 from unit.test_lint import unit
 
-from velocal import storage
-from velocal.calibration_files import formats
-from velocal.conversion import apart
-from velocal.dialects import DIALECTS, PAPER
+from velocal.calibration.convert import apart
+from velocal.calibration.dialects import DIALECTS, PAPER
+from velocal.calibration.files import formats
+from velocal.io import storage
 
 
 def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):

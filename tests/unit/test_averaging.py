@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from velocal.adjustment.average import average, average_covariance, scatter_table
 from velocal.adjustment.tabulate import Corrections
-from velocal.averaging import average, average_covariance, scatter_table
 
 
 def part(value, noise, common=0.0, seen=True):

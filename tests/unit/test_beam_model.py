@@ -6,10 +6,10 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from velocal import beam_model
 from velocal.errors import VelocalError
-from velocal.parameters import PARAMETERS, ParameterSet, nominal
-from velocal.sensors import SCANNERS
+from velocal.scanner import beam as beam_model
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import PARAMETERS, ParameterSet, nominal
 
 
 def literal_point(l_raw, phi, dl, alpha, v, voff, hoff):

@@ -8,9 +8,9 @@ import pytest
 from building_helpers import CONTENT, ROOM, WORLD
 
 from velocal.errors import ConfigError
-from velocal.sheets import check, read_yaml
 from velocal.simulation import building, capture
 from velocal.simulation.scene import cast
+from velocal.study.sheets import check, read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = replace(WORLD, building=ROOM)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import yaml
 
-from velocal.calibration_files import formats, table
-from velocal.calibration_files.lasers import Calibration
-from velocal.conversion import convert
-from velocal.dialects import DIALECTS, PAPER
+from velocal.calibration.convert import convert
+from velocal.calibration.dialects import DIALECTS, PAPER
+from velocal.calibration.files import formats
+from velocal.calibration.files import velocal_csv as table
+from velocal.calibration.files.document import Calibration
 from velocal.errors import CalibrationFileError, ConfigError
-from velocal.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, ParameterSet
 
 N = 3
 

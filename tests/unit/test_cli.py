@@ -11,13 +11,14 @@ from capture_helpers import as_bytes, record_list, spin, two_returns, write
 from closed_loop.chain import study_world
 from container_helpers import ethernet, ip_packet, pcap_of
 
-from velocal import parameters, schemas, storage
-from velocal.calibration_files import formats
-from velocal.packets import view
-from velocal.sensors import SCANNERS
+from velocal.calibration.files import formats
+from velocal.io import schemas, storage
+from velocal.packets.data import view
+from velocal.packets.status import TABLE_PACKETS
+from velocal.scanner import parameters
+from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture
 from velocal.simulation.status import encode_table, status_bytes, table_packets
-from velocal.status import TABLE_PACKETS
 
 
 def velocal(*arguments):

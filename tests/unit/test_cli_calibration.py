@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 from unit.test_lint import unit
 
-from velocal.calibration_files import formats
-from velocal.calibration_files.lasers import Calibration
+from velocal.calibration.convert import apart
+from velocal.calibration.dialects import DIALECTS, PAPER
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import Calibration
 from velocal.cli import app, calibration, main
-from velocal.conversion import apart
-from velocal.dialects import DIALECTS, PAPER
 from velocal.errors import VelocalError
 
 

@@ -18,13 +18,14 @@ from container_helpers import (
     write_ros2,
 )
 
+from velocal.capture import framing
+from velocal.capture import gzip_stream as unpack
+from velocal.capture.reading import Choice, open_recording
 from velocal.errors import RecordingError
-from velocal.recording import framing, unpack
-from velocal.recording.reading import Choice, open_recording
-from velocal.recording.rotations import inspect
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_index, write_index
-from velocal.returns import write_returns
-from velocal.sensors import SCANNERS
+from velocal.scanner.models import SCANNERS
 
 N = 72  # packets; rotations 1 and 2 are complete
 PAYLOADS = spin(N)

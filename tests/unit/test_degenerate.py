@@ -13,7 +13,7 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.parameters import ParameterSet
+from velocal.scanner.parameters import ParameterSet
 
 NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2), "voff": 0.01, "hoff": 0.01}

@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from velocal import field, field_search, schemas, storage
 from velocal.errors import SurveyError
-from velocal.field_figure import TABLE, field_markdown, field_planes
-from velocal.figures import save
-from velocal.parameters import nominal
-from velocal.sensors import scanner_named
+from velocal.evaluation import plane_search as field_search
+from velocal.evaluation import planes_in_data as field
+from velocal.io import schemas, storage
+from velocal.reporting.figures.lasers import save
+from velocal.reporting.figures.unsurveyed import TABLE, field_markdown, field_planes
+from velocal.scanner.models import scanner_named
+from velocal.scanner.parameters import nominal
 
 SCANNER = scanner_named("HDL-32E")
 SEARCH = field.Search(

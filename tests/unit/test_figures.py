@@ -7,8 +7,9 @@ import pytest
 from draw_figure import main
 from results_helpers import statistics
 
-from velocal import figures, schemas, storage
 from velocal.errors import ConfigError, VelocalError
+from velocal.io import schemas, storage
+from velocal.reporting.figures import lasers as figures
 
 LASERS, SUMMARY = statistics()
 

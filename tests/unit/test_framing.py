@@ -19,10 +19,10 @@ from capture_helpers import (
     write,
 )
 
+from velocal.capture import framing
+from velocal.capture.reading import open_recording
 from velocal.errors import RecordingError
-from velocal.recording import framing
-from velocal.recording.reading import open_recording
-from velocal.recording.rotations import inspect
+from velocal.recording.scan import inspect
 
 N = 24
 ALL = list(range(N))

@@ -6,9 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from velocal.cli import app
-from velocal.sensors import SCANNERS
-from velocal.study import read_sheet, read_study, read_yaml
-from velocal.survey import read_targets
+from velocal.scanner.models import SCANNERS
+from velocal.study.config import read_sheet, read_study, read_yaml
+from velocal.survey.targets import read_targets
 
 GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
 #: Keys that a study of one's own has no use for.

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
-from velocal.calibration_files import formats
-from velocal.calibration_files.lint import lint
-from velocal.parameters import ParameterSet, nominal
-from velocal.sensors import SCANNERS
+from velocal.calibration.files import formats
+from velocal.calibration.lint import lint
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import ParameterSet, nominal
 
 
 def unit(scanner: str = "HDL-64E") -> ParameterSet:

@@ -11,17 +11,20 @@ import pandas as pd
 import pytest
 from building_helpers import ROOM, WORLD, stated
 
-from velocal import captions, map_figure, mapping, schemas, storage
-from velocal.calibration_files import table
+from velocal.calibration.files import velocal_csv as table
 from velocal.errors import VelocalError
-from velocal.parameters import nominal
-from velocal.rigid import RigidTransformation
-from velocal.sensors import SCANNERS
-from velocal.sheets import read_yaml
+from velocal.evaluation import interior_map as mapping
+from velocal.geometry.rigid import RigidTransformation
+from velocal.io import schemas, storage
+from velocal.reporting import captions
+from velocal.reporting.figures import interior_map as map_figure
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.survey import write_targets
+from velocal.study.sheets import read_yaml
+from velocal.survey.targets import write_targets
 
 ROOT = Path(__file__).resolve().parents[2]
 SELECTION = {

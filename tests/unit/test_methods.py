@@ -8,13 +8,15 @@ import pandas as pd
 import pytest
 from compare_methods import main
 
-from velocal import comparison, methods, schemas, storage
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.lasers import Observations, joined
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
-from velocal.parameters import ParameterSet
-from velocal.sensors import SCANNERS
+from velocal.evaluation import methods
+from velocal.io import schemas, storage
+from velocal.reporting.figures import methods as comparison
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import ParameterSet
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}

@@ -8,15 +8,15 @@ from closed_loop.chain import study_world
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from velocal.approximate import intersection, resected_camera, resected_setup
 from velocal.errors import SurveyError
-from velocal.field_book import FILES, FieldBook, read_field_book, write_field_book
-from velocal.network import adjust_network
-from velocal.network_model import Control, Observed, Unknowns, ray_equations, sight_equations
-from velocal.rigid import adjust_rigid, skew
+from velocal.geometry.rigid import adjust_rigid, skew
 from velocal.simulation import survey
-from velocal.survey import Targets, with_covariance
-from velocal.survey_network import accuracy, adjust_field_book, as_dict
+from velocal.survey.network.adjust import adjust_network
+from velocal.survey.network.approximate import intersection, resected_camera, resected_setup
+from velocal.survey.network.model import Control, Observed, Unknowns, ray_equations, sight_equations
+from velocal.survey.network.observations import FILES, FieldBook, read_field_book, write_field_book
+from velocal.survey.network.survey import accuracy, adjust_field_book, as_dict
+from velocal.survey.targets import Targets, with_covariance
 
 CONTROL = np.array(
     [[0, 0, 0.3], [4, 0, 1.8], [2, 0, 1], [0, 2, 1.5], [0, 1, 0.2], [3, 2, 0], [1, 2.5, 0.0]]

@@ -7,12 +7,13 @@ import pandas as pd
 import pytest
 from closed_loop.chain import study_world
 
-from velocal import outdoor, outdoor_figure
 from velocal.errors import ConfigError, SurveyError, VelocalError
-from velocal.field import Cloud
-from velocal.figures import save
-from velocal.returns import read_short
-from velocal.sensors import SCANNERS
+from velocal.evaluation import panels as outdoor
+from velocal.evaluation.planes_in_data import Cloud
+from velocal.recording.returns import read_short
+from velocal.reporting.figures import panels as outdoor_figure
+from velocal.reporting.figures.lasers import save
+from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
 

@@ -9,14 +9,16 @@ import pandas as pd
 import pytest
 from building_helpers import WORLD, stated
 
-from velocal import captions, plan_figure, schemas, storage
-from velocal.assignment import Gates
-from velocal.sensors import SCANNERS
+from velocal.io import schemas, storage
+from velocal.reduction.assignment import Gates
+from velocal.reporting import captions
+from velocal.reporting.figures import plan as plan_figure
+from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
-from velocal.station import adjust_station, as_dict, patches_of, pose_of
-from velocal.survey import write_targets
-from velocal.survey_network import adjust_field_book
+from velocal.survey.network.survey import adjust_field_book
+from velocal.survey.station import adjust_station, as_dict, patches_of, pose_of
+from velocal.survey.targets import write_targets
 
 PLANES = ["short_wall", "long_wall", "floor"]
 GATES = {"distance_cm": 25, "edge_cm": 5, "incidence_deg": 80}

@@ -9,15 +9,17 @@ import pytest
 from capture_helpers import pcap, record_list, spin, write
 from typer.testing import CliRunner
 
-from velocal import beam_model, packets, parameters
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.cli import app
 from velocal.errors import ConfigError
-from velocal.point_clouds import placing
-from velocal.point_clouds.files import HEADER_BYTES, cloud_writer, fields
-from velocal.point_clouds.placing import Settings, raw_returns, stream
-from velocal.recording.rotations import inspect
-from velocal.sensors import SCANNERS
+from velocal.packets import data as packets
+from velocal.points import stream as placing
+from velocal.points.files import HEADER_BYTES, cloud_writer, fields
+from velocal.points.stream import Settings, raw_returns, stream
+from velocal.recording.scan import inspect
+from velocal.scanner import beam as beam_model
+from velocal.scanner import parameters
+from velocal.scanner.models import SCANNERS
 
 #: n packets of a scanner at 10 Hz: step in ticks and interval in microseconds of the firings.
 SPINS = {

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from velocal import provenance
+from velocal.io import provenance
 
 
 def files(tmp_path, text):
@@ -14,20 +14,23 @@ def files(tmp_path, text):
 
 
 def test_imports_are_followed(tmp_path):
-    found = files(tmp_path, "from velocal.medians import cell_medians\n")
-    assert {"__init__.py", "medians.py", "errors.py", "sensors.py"} <= found
-    assert not {"figures.py", "storage.py", "adjustment/solvers.py"} & found
+    found = files(tmp_path, "from velocal.reduction.medians import cell_medians\n")
+    assert {"__init__.py", "reduction/medians.py", "errors.py", "scanner/models.py"} <= found
+    assert not {"reporting/figures/lasers.py", "io/storage.py", "adjustment/solvers.py"} & found
 
 
 def test_modules_imported_by_name_and_inside_functions(tmp_path):
-    found = files(tmp_path, "def f():\n    from velocal import storage\n    import velocal.rigid\n")
-    assert {"storage.py", "rigid.py"} <= found
+    found = files(
+        tmp_path,
+        "def f():\n    from velocal.io import storage\n    import velocal.geometry.rigid\n",
+    )
+    assert {"io/storage.py", "geometry/rigid.py"} <= found
 
 
 def test_data_files_that_a_module_names(tmp_path):
-    assert "data/published_tables.csv" in files(tmp_path, "from velocal import published\n")
-    assert "data/report.html.j2" in files(tmp_path, "from velocal import report\n")
-    assert "data/report.html.j2" not in files(tmp_path, "from velocal import published\n")
+    assert "paper/data/tables.csv" in files(tmp_path, "from velocal.paper import printed\n")
+    assert "reporting/report.html.j2" in files(tmp_path, "from velocal.reporting import report\n")
+    assert "reporting/report.html.j2" not in files(tmp_path, "from velocal.paper import printed\n")
 
 
 def test_digest_changes_with_the_content(tmp_path, monkeypatch):
@@ -64,7 +67,7 @@ SIMULATE = {"replicate_study", "summarise_seeds", "tune_world", "coverage"}
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_nothing_downstream_can_know_the_papers_numbers_or_the_world(script):
     names = {f.relative_to(provenance.PACKAGE).as_posix() for f in provenance.library_files(script)}
-    printed = {name for name in names if name.startswith("data/published")}
+    printed = {name for name in names if name.startswith("paper/data/")}
     assert bool(printed) == (script.stem in COMPARE)
     world = {name for name in names if name.startswith("simulation/")} - {"simulation/__init__.py"}
     assert bool(world) == (script.stem in SIMULATE or script.stem.startswith("simulate_"))

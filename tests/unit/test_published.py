@@ -5,8 +5,10 @@ import pytest
 from compare_with_paper import main
 from results_helpers import TABLES, statistics
 
-from velocal import published, statements, storage, tables
 from velocal.errors import VelocalError
+from velocal.io import storage
+from velocal.paper import printed as published
+from velocal.paper import statements, tables
 
 _, SUMMARY = statistics()
 ROWS = published.printed_rows()

@@ -10,10 +10,13 @@ import pytest
 from results_helpers import TABLES, statistics
 from write_report import main
 
-from velocal import published, report, storage, tables
-from velocal.calibration_files import table as calibration_table
-from velocal.parameters import nominal
-from velocal.sensors import SCANNERS
+from velocal.calibration.files import velocal_csv as calibration_table
+from velocal.io import storage
+from velocal.paper import printed as published
+from velocal.paper import tables
+from velocal.reporting import report
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 
 LASERS, SUMMARY = statistics()
 FACTORY = nominal(SCANNERS["HDL-32E"])

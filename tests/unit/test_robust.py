@@ -9,7 +9,7 @@ from velocal.adjustment.lasers import Observations, adjust_laser
 from velocal.adjustment.robust import Robust, huber, igg, snooping
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic
-from velocal.parameters import ParameterSet
+from velocal.scanner.parameters import ParameterSet
 
 NAMES = ("dl", "alpha")
 TRUE = ParameterSet(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))

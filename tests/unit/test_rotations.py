@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 from capture_helpers import pcap, record_list, spin, two_returns, write
 
-from velocal import schemas, storage
+from velocal.capture import framing
+from velocal.capture import order as sequence
 from velocal.errors import ConfigError, RecordingError
-from velocal.packets import decode, view
-from velocal.recording import framing, rotations, sequence
+from velocal.io import schemas, storage
+from velocal.packets.data import decode, view
+from velocal.recording import scan as rotations
 from velocal.recording.identify import candidates, check_scanner
-from velocal.recording.rotations import inspect
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations, window_rotations
-from velocal.returns import write_returns
-from velocal.sensors import SCANNERS
+from velocal.scanner.models import SCANNERS
 
 N = 120  # packets; with 150 ticks a firing a rotation has 240 blocks in 20 packets
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from capture_helpers import record_list, scan, spin, write
 
-from velocal.packets import view
-from velocal.recording import framing
-from velocal.recording.rotations import inspect
+from velocal.capture import framing
+from velocal.packets.data import view
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
 
 N = 240

@@ -8,9 +8,9 @@ import pytest
 from closed_loop.chain import study_world
 
 from velocal.errors import ConfigError
-from velocal.packets import view
+from velocal.packets.data import view
 from velocal.recording.identify import candidates
-from velocal.recording.rotations import inspect
+from velocal.recording.scan import inspect
 from velocal.simulation import capture, survey, truth
 from velocal.simulation.scene import cast, surveyed_field
 

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from velocal import status
 from velocal.errors import RecordingError
-from velocal.status import StatusReader, crc16
+from velocal.packets import status
+from velocal.packets.status import StatusReader, crc16
 
 INTERVAL_US = 288
 

@@ -6,8 +6,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from velocal import schemas, storage
 from velocal.errors import StorageError
+from velocal.io import schemas, storage
 
 
 def medians(n: int = 1000) -> dict[str, np.ndarray]:

@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from velocal.errors import ConfigError
-from velocal.sheets import check, read_sheet, read_yaml
-from velocal.study import check_files, read_study
+from velocal.study.config import check_files, read_study
+from velocal.study.sheets import check, read_sheet, read_yaml
 
 
 @pytest.fixture

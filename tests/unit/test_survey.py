@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from velocal.errors import SurveyError
-from velocal.planes import fit_plane
-from velocal.rigid import RigidTransformation
-from velocal.station import (
+from velocal.geometry.planes import fit_plane
+from velocal.geometry.rigid import RigidTransformation
+from velocal.survey.station import (
     adjust_station,
     as_dict,
     patches_of,
     plane_covariances,
     uncertainty_of,
 )
-from velocal.survey import Targets, read_targets, write_targets
+from velocal.survey.targets import Targets, read_targets, write_targets
 
 HEADER = "target,plane,x_m,y_m,z_m,std_x_mm,std_y_mm,std_z_mm\n"
 

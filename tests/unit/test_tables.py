@@ -7,9 +7,10 @@ import pytest
 from make_table import main
 from results_helpers import STD_CM, TABLES, statistics
 
-from velocal import storage, tables
 from velocal.errors import ConfigError, VelocalError
-from velocal.validation import best_set, mean_std_of_sets
+from velocal.evaluation.statistics import best_set, mean_std_of_sets
+from velocal.io import storage
+from velocal.paper import tables
 
 LASERS, SUMMARY = statistics()
 COLUMNS = {name: SUMMARY[name].to_numpy() for name in SUMMARY}

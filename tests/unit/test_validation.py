@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from velocal.validation import laser_statistics, statistics_table, summary_row
+from velocal.evaluation.statistics import laser_statistics, statistics_table, summary_row
 
 S = np.array([0.01, -0.03, 0.02, 0.05, 0.07, 0.001, -0.002])
 LASER = np.array([0, 0, 0, 2, 2, 2, 2])

@@ -12,11 +12,11 @@ from capture_helpers import pcap_head, pcap_packet
 from closed_loop.chain import study_world
 from workflow.running import ROOT, snakemake
 
-from velocal.calibration_files import formats
-from velocal.recording.rotations import inspect
+from velocal.calibration.files import formats
+from velocal.recording.scan import inspect
 from velocal.simulation import capture, survey, truth
-from velocal.survey import write_targets
-from velocal.survey_network import adjust_field_book
+from velocal.survey.network.survey import adjust_field_book
+from velocal.survey.targets import write_targets
 
 pytestmark = pytest.mark.workflow
 

@@ -11,7 +11,7 @@ import yaml
 from workflow.running import copy_project, snakemake
 from workflow.tiny import NEW_ROW, SECOND_POSITION, make_tiny
 
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import load
 
@@ -99,13 +99,13 @@ def test_second_run_is_idle(finished):
 
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
-    edited("src/velocal/figures.py", "\n# edited\n")
+    edited("src/velocal/reporting/figures/lasers.py", "\n# edited\n")
     drawn = {"draw_figure", "draw_network", "draw_plan", "summarise_outdoor", "write_report"}
     assert {rule for rule, _ in planned(finished)} == drawn
 
 
 def test_an_edited_module_in_the_middle(finished, edited):
-    edited("src/velocal/averaging.py", "\n# edited\n")
+    edited("src/velocal/adjustment/average.py", "\n# edited\n")
     rules = {rule for rule, _ in planned(finished)}
     assert "average_set" in rules
     assert "residuals_validation" in rules

@@ -4,9 +4,9 @@
 from pathlib import Path
 
 from velocal.errors import VelocalError
-from velocal.provenance import library_digest
-from velocal.sheets import check, read_yaml
-from velocal.study import WHOLE, WINDOWS, check_files, read_study
+from velocal.io.provenance import library_digest
+from velocal.study.sheets import check, read_yaml
+from velocal.study.config import WHOLE, WINDOWS, check_files, read_study
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 WORKFLOW = Path(str(workflow.current_basedir)).parent

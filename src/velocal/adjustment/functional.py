@@ -2,7 +2,7 @@
 
 The plane is ``n . X + d = 0`` with a unit normal, so that any plane is served: walls, floor,
 tilted ones. The paper's form with the angle beta of its Table I, which holds for vertical
-planes only, stands beside it in `velocal.adjustment.paper_form`.
+planes only, stands beside it in `velocal.paper.residual_form`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.beam_model import laser_beams
-from velocal.parameters import PARAMETERS, UNITS, ParameterSet
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.parameters import PARAMETERS, UNITS, ParameterSet
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.lasers import Observations, split
 from velocal.adjustment.stochastic import Stochastic
-from velocal.beam_model import laser_beams
 from velocal.errors import VelocalError
-from velocal.parameters import ParameterSet
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic, block_numbers
-from velocal.beam_model import laser_beams
-from velocal.parameters import ParameterSet
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 

@@ -14,18 +14,18 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration_files import formats
-from velocal.calibration_files.lasers import Calibration
-from velocal.calibration_files.lint import BY_LASERS
-from velocal.calibration_files.lint import lint as find_faults
+from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences
+from velocal.calibration.convert import apart as points_apart
+from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import Calibration
+from velocal.calibration.lint import BY_LASERS
+from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import escape
-from velocal.conversion import RANGES_M, RATE_HZ, convert, differences
-from velocal.conversion import apart as points_apart
-from velocal.dialects import DIALECTS, Dialect, dialect_named
 from velocal.errors import ConfigError
-from velocal.parameters import UNITS
-from velocal.sensors import SCANNERS, scanner_named
-from velocal.storage import finite, write_csv
+from velocal.io.storage import finite, write_csv
+from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.scanner.parameters import UNITS
 
 NAMES = ", ".join(DIALECTS)
 #: Headings in the terminal.
@@ -229,8 +229,8 @@ def diff(
     )
     console.print(f"{note[0].upper()}{note[1:]}.")
     if picture or csv:
-        from velocal.calibration_figure import difference_table, draw_differences
-        from velocal.figures import save
+        from velocal.reporting.figures.calibration import difference_table, draw_differences
+        from velocal.reporting.figures.lasers import save
 
         if csv:
             write_csv(csv, difference_table(at, apart), digits=4)

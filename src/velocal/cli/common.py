@@ -18,12 +18,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from velocal.capture.reading import Choice
 from velocal.errors import ConfigError
-from velocal.packets import CHOICES
+from velocal.packets.data import CHOICES
 from velocal.recording.identify import candidates, check_scanner
-from velocal.recording.reading import Choice
-from velocal.recording.rotations import Inspection, inspect
-from velocal.sensors import SCANNERS, Scanner, scanner_named
+from velocal.recording.scan import Inspection, inspect
+from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from velocal.sensors import SCANNERS, scanner_named
-from velocal.study_folder import CAPTURES, FACTORY, write_study
+from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.study.template import CAPTURES, FACTORY, write_study
 
 #: Holds `workflow/` where velocal was installed from a checkout, as `make` does.
 CHECKOUT = Path(__file__).parents[3]

@@ -9,7 +9,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
+from velocal.capture.reading import Choice
 from velocal.cli.common import (
     Address,
     Port,
@@ -23,12 +24,11 @@ from velocal.cli.common import (
     scanner_of,
 )
 from velocal.errors import ConfigError
-from velocal.parameters import ParameterSet
-from velocal.point_clouds.files import FORMATS, cloud_writer
-from velocal.point_clouds.placing import FRAMES, Settings, raw_returns, stream
-from velocal.recording.reading import Choice
-from velocal.recording.rotations import Inspection
-from velocal.sensors import Scanner
+from velocal.points.files import FORMATS, cloud_writer
+from velocal.points.stream import FRAMES, Settings, raw_returns, stream
+from velocal.recording.scan import Inspection
+from velocal.scanner.models import Scanner
+from velocal.scanner.parameters import ParameterSet
 
 #: Rotations that the picture is made of: enough to show noise, few enough to draw.
 PICTURE_ROTATIONS = 3
@@ -145,8 +145,8 @@ def _draw(
     names: tuple[str, str],
     picture: Path,
 ) -> None:
-    from velocal.figures import save  # matplotlib takes a second to load
-    from velocal.point_clouds.picture import before_and_after
+    from velocal.points.picture import before_and_after
+    from velocal.reporting.figures.lasers import save  # matplotlib takes a second to load
 
     assert settings.before is not None
     some = chosen[:PICTURE_ROTATIONS]

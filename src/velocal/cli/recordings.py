@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from velocal.capture.reading import Choice
 from velocal.cli import stream
 from velocal.cli.common import (
     Address,
@@ -23,10 +24,9 @@ from velocal.cli.common import (
     scanner_of,
 )
 from velocal.errors import ConfigError
-from velocal.recording.reading import Choice
-from velocal.recording.rotations import Inspection
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import Inspection
 from velocal.recording.windows import window_rotations
-from velocal.returns import write_returns
 
 
 def inspect(
@@ -49,7 +49,7 @@ def inspect(
     if as_json:
         import json
 
-        from velocal.storage import finite
+        from velocal.io.storage import finite
 
         print(json.dumps(finite(facts), indent=1, allow_nan=False))
         return

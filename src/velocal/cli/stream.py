@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from velocal.calibration_files import formats
+from velocal.calibration.files import formats
+from velocal.capture.reading import Choice
 from velocal.cli.common import Address, Port, Recording, scan
-from velocal.recording.reading import Choice
-from velocal.status import StatusStream
+from velocal.packets.status import StatusStream
 
 
 def from_recording(

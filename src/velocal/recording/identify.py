@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from velocal.errors import RecordingError
-from velocal.recording.rotations import Inspection
-from velocal.sensors import AZIMUTH_TICKS, SCANNERS, Scanner
+from velocal.recording.scan import Inspection
+from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS, Scanner
 
 #: Measured and nominal packet rate, or firing cycle, may differ by this share.
 RATE_TOLERANCE = 0.15

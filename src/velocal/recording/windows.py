@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal import schemas, storage
+from velocal.capture.chunk import Chunk
+from velocal.capture.ledger import Ledger
+from velocal.capture.reading import ANY, Choice, open_recording
 from velocal.errors import ConfigError
-from velocal.packets import BLOCKS
-from velocal.recording.chunk import Chunk
-from velocal.recording.ledger import Ledger
-from velocal.recording.reading import ANY, Choice, open_recording
-from velocal.recording.rotations import RotationIndex
+from velocal.io import schemas, storage
+from velocal.packets.data import BLOCKS
+from velocal.recording.scan import RotationIndex
 
 
 def write_index(path: Path, index: RotationIndex) -> None:

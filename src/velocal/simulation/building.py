@@ -18,7 +18,7 @@ from velocal.simulation.scene import Scene, Surface
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World, pose_of
-from velocal.survey import Targets
+from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.beam_model import laser_beams
-from velocal.packets import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
-from velocal.sensors import (
+from velocal.packets.data import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
+from velocal.packets.status import TABLE_PACKETS
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.models import (
     AZIMUTH_TICK_DEG,
     AZIMUTH_TICKS,
     SCANNERS,
@@ -21,7 +22,6 @@ from velocal.simulation.scene import Scene, cast, field_scene
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 from velocal.simulation.truth import drift, factory_parameters, unit_truth
 from velocal.simulation.world import ScannerWorld, World
-from velocal.status import TABLE_PACKETS
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000

@@ -14,18 +14,24 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.lasers import Observations
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
-from velocal.beam_model import laser_beams
-from velocal.parameters import ParameterSet
-from velocal.planes import Plane
-from velocal.rigid import RigidTransformation
-from velocal.sensors import SCANNERS
+from velocal.geometry.planes import Plane
+from velocal.geometry.rigid import RigidTransformation
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import ParameterSet
 from velocal.simulation.scene import Surface, cast, surveyed_field
 from velocal.simulation.survey import base_targets_true, field_book, marks
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import ErrorModel, World
-from velocal.station import Station, adjust_station, as_dict, plane_covariances, uncertainty_of
-from velocal.survey import Targets
-from velocal.survey_network import adjust_field_book
+from velocal.survey.network.survey import adjust_field_book
+from velocal.survey.station import (
+    Station,
+    adjust_station,
+    as_dict,
+    plane_covariances,
+    uncertainty_of,
+)
+from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
 

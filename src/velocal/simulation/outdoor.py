@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
-from velocal.rigid import RigidTransformation, rotation_from_vector
-from velocal.sensors import DISTANCE_TICK_M
+from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
+from velocal.scanner.models import DISTANCE_TICK_M
 from velocal.simulation.scene import Scene, Surface, draw_relief
 from velocal.simulation.truth import UnitTruth, position_errors, unit_truth
 from velocal.simulation.world import World

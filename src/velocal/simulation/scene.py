@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.rigid import RigidTransformation
+from velocal.geometry.rigid import RigidTransformation
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World
 

@@ -1,4 +1,4 @@
-"""Status bytes of a simulated HDL-64E: the inverse of `velocal.status`."""
+"""Status bytes of a simulated HDL-64E: the inverse of `velocal.packets.status`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.calibration_files import lasers
+from velocal.calibration.files import document as lasers
 from velocal.errors import CalibrationFileError
-from velocal.parameters import ParameterSet
-from velocal.status import (
+from velocal.packets.status import (
     CYCLE,
     CYCLES,
     FIELDS,
@@ -22,6 +21,7 @@ from velocal.status import (
     TABLE_PACKETS,
     laser_crc,
 )
+from velocal.scanner.parameters import ParameterSet
 
 #: Firmware of an HDL-64E S2 that sends the table: 4.07.
 FIRMWARE = 0x47

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.field_book import FieldBook
-from velocal.network_model import Control, Observed, ray_equations, sight_equations
 from velocal.simulation.scene import Surface, surveyed_field
 from velocal.simulation.world import World
-from velocal.survey import Targets
+from velocal.survey.network.model import Control, Observed, ray_equations, sight_equations
+from velocal.survey.network.observations import FieldBook
+from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
 _EDGE_M = 0.05

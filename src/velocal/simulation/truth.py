@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from velocal.parameters import ParameterSet, nominal
-from velocal.sensors import AZIMUTH_TICKS, SCANNERS
+from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
+from velocal.scanner.parameters import ParameterSet, nominal
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]

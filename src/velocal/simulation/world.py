@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from velocal.errors import ConfigError
-from velocal.rigid import RigidTransformation, rotation_from_vector
+from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 
 #: Share that is left of the surveyor's errors in a world without errors.
 _TINY = 1e-6

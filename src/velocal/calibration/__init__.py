@@ -1,0 +1,1 @@
+"""Calibration files, the dialects of the programs that read them, and conversion between both."""

@@ -1,0 +1,191 @@
+"""Conversion of calibrations between dialects: exact, or refused with what it would cost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.calibration.dialects import PAPER, Dialect, dialect_named
+from velocal.errors import DialectError
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, ParameterSet
+
+Array = NDArray[np.float64]
+
+#: Ranges at which differences are stated unless others are asked for, metres.
+RANGES_M = (3.0, 10.0, 25.0, 80.0)
+#: Rotation rate at which differences are stated unless another is known.
+RATE_HZ: Final = 10.0
+
+
+def apart(
+    first: tuple[Dialect, ParameterSet],
+    second: tuple[Dialect, ParameterSet],
+    ranges_m: tuple[float, ...] = RANGES_M,
+    *,
+    scanner: str | None = None,
+    rate_hz: float = RATE_HZ,
+) -> Array:
+    """Largest distance between the points of two calibrations, over all azimuths.
+
+    Parameters
+    ----------
+    first, second : (Dialect, ParameterSet)
+    ranges_m : tuple of float
+        Ranges corrected by the first's dl; both get the same raw distance.
+    scanner : str, optional
+        If given, azimuths are interpolated as each program does for it, at `rate_hz`.
+
+    Returns
+    -------
+    ndarray, shape (ranges, lasers)
+        Metres.
+
+    Raises
+    ------
+    DialectError
+        If the numbers of lasers differ.
+    """
+    n_lasers = len(first[1])
+    if len(second[1]) != n_lasers:
+        raise DialectError(
+            f"{n_lasers} and {len(second[1])} lasers cannot be compared",
+            hint="These are calibrations of different scanners.",
+        )
+    step = np.deg2rad(np.arange(360.0))
+    laser, azimuth = np.repeat(np.arange(n_lasers), len(step)), np.tile(step, n_lasers)
+    result = []
+    for range_m in ranges_m:
+        raw = np.maximum(range_m - first[1].dl, 0.0)[laser]
+        xyz = []
+        for dialect, parameters in (first, second):
+            turned = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
+            xyz.append(dialect.points(raw, turned, laser, parameters))
+        between = np.linalg.norm(xyz[0] - xyz[1], axis=1)
+        result.append(between.reshape(n_lasers, -1).max(axis=1))
+    return np.array(result)
+
+
+def obstacles(
+    parameters: ParameterSet, source: Dialect, target: Dialect, scanner: str | None = None
+) -> list[str]:
+    """What keeps a conversion from being exact; empty where nothing does.
+
+    That some programs round interpolated azimuths to 0.01 deg (`Dialect.rounds`, up to 7 mm
+    at 80 m) is not a matter of the numbers, and is disregarded.
+    """
+    found = []
+    x, y = source.near(parameters)
+    acts = (x != parameters.dl) | (y != parameters.dl)
+    if acts.any() and source.two_point != target.two_point:
+        one, other = source.two_point, target.two_point
+        if other is None:
+            found.append(f"{target.name} does not read near-point corrections")
+        elif one is not None and replace(one, where=other.where) != other:
+            found.append(f"{target.name} interpolates near-point corrections in another way")
+    if source.alpha and not target.alpha and parameters.alpha.any():
+        found.append(f"{target.name} ignores rotational corrections")
+    before, after = (d.delays_s(scanner, len(parameters)) for d in (source, target))
+    if not np.array_equal(before, after):
+        found.append(f"{source.name} and {target.name} interpolate azimuths differently")
+    return found
+
+
+def _lever(dialect: Dialect, v: Array) -> Array:
+    """Vertical distance of the beam's line from the origin, times cos v, per unit of voff."""
+    flat = np.cos(v) ** (2 if dialect.orthogonal else 1)
+    return np.asarray(flat - dialect.reach * np.sin(v) ** 2)
+
+
+def convert(
+    parameters: ParameterSet,
+    source: Dialect,
+    target: Dialect,
+    *,
+    scanner: str | None = None,
+    rate_hz: float | None = None,
+    inexact: bool = False,
+) -> ParameterSet:
+    """Numbers with which another program computes the same points.
+
+    Offset and distance correction describe the same line in space: with b = 1 or cos v,
+    ``voff' (b' cos v - reach' sin^2 v) = voff (b cos v - reach sin^2 v)`` and
+    ``dl' = dl + (reach voff - reach' voff') tan v``. Near-point corrections move with dl; those
+    that have no effect are left out.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+        Numbers of the dialect `source`.
+    source, target : Dialect
+    scanner : str, optional
+        If given, the interpolation of its azimuths is looked at as well.
+    rate_hz : float, optional
+        Rotation rate at which a difference in interpolation goes into alpha.
+    inexact : bool
+        Convert what can be converted, and leave what cannot.
+
+    Raises
+    ------
+    DialectError
+        If the points would differ and `inexact` is not set; it says by how much.
+    """
+    if source == target:
+        return parameters
+    v, voff, near = parameters.v, parameters.voff, source.near(parameters)
+    alpha = parameters.alpha if source.alpha else np.zeros_like(v)
+    exact_for = scanner
+    if scanner is not None and rate_hz is not None and target.alpha:
+        later = target.delays_s(scanner, len(v)) - source.delays_s(scanner, len(v))
+        alpha, exact_for = alpha + 2.0 * np.pi * rate_hz * later, None
+    dl, hindered = parameters.dl, obstacles(parameters, source, target, exact_for)
+    if (source.reach, source.orthogonal) != (target.reach, target.orthogonal):
+        lever = _lever(target, v)
+        if (singular := (np.abs(lever) < 1e-6) & (voff != 0)).any():
+            raise DialectError(
+                f"{target.name} cannot express the offset of laser {np.flatnonzero(singular)[0]}"
+            )
+        voff = np.divide(voff * _lever(source, v), lever, out=np.zeros_like(v), where=voff != 0)
+        dl = dl + (source.reach * parameters.voff - target.reach * voff) * np.tan(v)
+    carried = {k: a for k, a in parameters.carried.items() if k not in (*NEAR_POINT, TWO_POINT)}
+    acts = (near[0] != parameters.dl) | (near[1] != parameters.dl)
+    if target.two_point is not None and acts.any():
+        moved = (np.where(acts, each + (dl - parameters.dl), dl) for each in near)
+        carried |= dict(zip(NEAR_POINT, moved, strict=True)) | {TWO_POINT: acts.astype(float)}
+    result = replace(parameters, dl=dl, alpha=alpha, voff=voff, carried=carried)
+    if hindered and not inexact:
+        sizes = differences(parameters, source, result, target, scanner, rate_hz or RATE_HZ)
+        turned = obstacles(parameters, source, target) != hindered
+        raise DialectError(
+            f"{'; '.join(hindered)}: {sizes}",
+            hint="Accept the differences (--inexact)"
+            + (", or state the rotation rate (--rate-hz)." if turned else "."),
+        )
+    return result
+
+
+def exported(parameters: ParameterSet, dialect: str) -> ParameterSet:
+    """Numbers of a refined set for the program of that name.
+
+    The set has one distance correction per laser, found at the ranges of its walls; so readers
+    with a two-point correction get it for the near points too. What is left are rotational
+    corrections that a program ignores, and azimuths that it interpolates otherwise.
+    """
+    return convert(parameters, PAPER, dialect_named(dialect), inexact=True)
+
+
+def differences(
+    parameters: ParameterSet,
+    source: Dialect,
+    result: ParameterSet,
+    target: Dialect,
+    scanner: str | None = None,
+    rate_hz: float = RATE_HZ,
+) -> str:
+    """Largest differences between the points of two calibrations, in words."""
+    pair = (source, parameters), (target, result)
+    sizes = apart(*pair, scanner=scanner, rate_hz=rate_hz).max(axis=1)
+    text = ", ".join(f"{100 * s:.1f} cm at {r:g} m" for r, s in zip(RANGES_M, sizes, strict=True))
+    return f"points differ by up to {text}" + (f" (at {rate_hz:g} Hz)" if scanner else "")

@@ -1,0 +1,256 @@
+"""The point formulas ("dialects") of the programs that read calibration files.
+
+The same file gives different points in different programs. All of them are one formula with
+settings; with theta = azimuth - alpha and L = distance + distance correction:
+
+    R = L cos v + reach voff sin v
+    X = R sin theta - hoff cos theta      Y = R cos theta + hoff sin theta
+    Z = L sin v + voff                    or  + voff cos v, where the offset is orthogonal
+
+Points are in the scanner frame of this project (Y forward, X right, Z up); programs that write
+them as X forward, Y left mean the same points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.errors import ConfigError
+from velocal.scanner.models import AZIMUTH_TICK_DEG, SCANNERS
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, ParameterSet
+
+Array = NDArray[np.float64]
+
+#: Ranges of the two-point correction: far point, near point along X and along Y, metres.
+FAR_M, NEAR_X_M, NEAR_Y_M = 25.04, 2.4, 1.93
+
+# Microseconds of a laser in its block after the firing began (HDL-64E S2 manual, firing times).
+_HDL64E_FIRING_US = 6.0 * (np.arange(64) % 32 // 4) + np.tile([0.0, 1.26, 2.46, 3.66], 16)
+
+
+@dataclass(frozen=True)
+class TwoPoint:
+    """Distance correction interpolated between a far and a near point, along X and Y apart.
+
+    Attributes
+    ----------
+    where : {"given", "flag", "nonzero"}
+        Which lasers: all whose near-point corrections are given (zeros count unless a flag says
+        otherwise), those with the flag of ROS YAML, or those whose corrections are both not zero.
+    limit_m : float
+        Raw distance up to which it acts. Between two ticks of 2 mm, so that it does not matter
+        whether the limit itself is included.
+    with_offsets : bool
+        Whether the offsets enter the X and Y at which is interpolated.
+    z : {"y", "mean"}
+        Whether Z gets the correction of Y, or the mean of both.
+    """
+
+    where: Literal["given", "flag", "nonzero"]
+    limit_m: float
+    with_offsets: bool
+    z: Literal["y", "mean"] = "y"
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Point formula of one program.
+
+    Attributes
+    ----------
+    name, source : str
+        What it is called here, and the file or manual that it was read from.
+    reach : {-1, 0, 1}
+        Share of ``voff sin v`` in the horizontal distance.
+    orthogonal : bool
+        Whether the vertical offset is orthogonal to the beam, ``voff cos v``, or vertical.
+    two_point : TwoPoint or None
+        None where near-point corrections are not read.
+    alpha : bool
+        Whether the rotational correction is applied.
+    interpolates : tuple of str
+        Scanners whose lasers are turned on by the time from the start of the firing to theirs.
+    rounds : bool
+        Whether interpolated azimuths are rounded to 0.01 degrees.
+    """
+
+    name: str
+    source: str
+    reach: int = 0
+    orthogonal: bool = False
+    two_point: TwoPoint | None = None
+    alpha: bool = True
+    interpolates: tuple[str, ...] = ()
+    rounds: bool = True
+
+    def near(self, parameters: ParameterSet) -> tuple[Array, Array]:
+        """Near-point corrections along X and Y in effect, by laser; dl where there are none."""
+        x, y = (parameters.carried.get(name) for name in NEAR_POINT)
+        if self.two_point is None or x is None or y is None:
+            return parameters.dl, parameters.dl
+        flag = parameters.carried.get(TWO_POINT)
+        nonzero = (x != 0) & (y != 0)  # without flags, ROS files are made by this rule
+        match self.two_point.where, flag:
+            case "given", None:
+                acts = np.ones_like(nonzero)
+            case "given", _:
+                acts = nonzero | (flag != 0)
+            case "flag", flags if flags is not None:
+                acts = flags != 0
+            case _:
+                acts = nonzero
+        return np.where(acts, x, parameters.dl), np.where(acts, y, parameters.dl)
+
+    def delays_s(self, scanner: str | None, n_lasers: int) -> Array:
+        """Time after the start of the firing by which a laser is turned on, by laser."""
+        if scanner is None or scanner not in self.interpolates:
+            return np.zeros(n_lasers)
+        if scanner == "HDL-64E":
+            return np.asarray(_HDL64E_FIRING_US * 1e-6)
+        return SCANNERS[scanner].firing_offset_s
+
+    def azimuths(
+        self, raw: Array, laser_id: NDArray[np.integer], scanner: str, rate_hz: float
+    ) -> Array:
+        """Azimuths at which points are computed, radians, from those of the firings."""
+        delay = self.delays_s(scanner, SCANNERS[scanner].n_lasers)[laser_id]
+        turned = raw + 2.0 * np.pi * rate_hz * delay
+        if not self.rounds:
+            return np.asarray(turned)
+        tick = np.deg2rad(AZIMUTH_TICK_DEG)
+        return np.asarray(np.round(turned / tick) * tick)
+
+    def points(
+        self,
+        distance_m: Array,
+        azimuth: Array,
+        laser_id: NDArray[np.integer],
+        parameters: ParameterSet,
+    ) -> Array:
+        """Points that the program computes, metres, shape (n, 3).
+
+        Parameters
+        ----------
+        distance_m : ndarray, shape (n,)
+            Raw distance, before any correction.
+        azimuth : ndarray, shape (n,)
+            Radians; of the firing, or turned on by `azimuths`.
+        laser_id : ndarray of int, shape (n,)
+        parameters : ParameterSet
+            Numbers of this dialect.
+        """
+        v, voff, hoff = (getattr(parameters, name)[laser_id] for name in ("v", "voff", "hoff"))
+        theta = azimuth - parameters.alpha[laser_id] if self.alpha else azimuth
+        sine, cosine, flat, steep = np.sin(theta), np.cos(theta), np.cos(v), np.sin(v)
+        shift = self.reach * voff * steep
+        dl = parameters.dl[laser_id]
+        along_x = along_y = along_z = dl
+        if self.two_point is not None:
+            near_x, near_y = (near[laser_id] for near in self.near(parameters))
+            reach = (distance_m + dl) * flat
+            x, y = reach * sine, reach * cosine
+            if self.two_point.with_offsets:
+                x += shift * sine - hoff * cosine
+                y += shift * cosine + hoff * sine
+            near = distance_m <= self.two_point.limit_m
+            along_x = np.where(near, _between(np.abs(x), NEAR_X_M, near_x, dl), dl)
+            along_y = np.where(near, _between(np.abs(y), NEAR_Y_M, near_y, dl), dl)
+            along_z = along_y if self.two_point.z == "y" else (along_x + along_y) / 2.0
+        x = ((distance_m + along_x) * flat + shift) * sine - hoff * cosine
+        y = ((distance_m + along_y) * flat + shift) * cosine + hoff * sine
+        z = (distance_m + along_z) * steep + voff * (flat if self.orthogonal else 1.0)
+        return np.stack([x, y, z], axis=-1)
+
+
+def _between(at: Array, near_m: float, near: Array, far: Array) -> Array:
+    return np.asarray(near + (far - near) * (at - near_m) / (FAR_M - near_m))
+
+
+_BY_TIME = ("HDL-32E", "VLP-16")
+_SAMPLE_CODE = TwoPoint("given", np.inf, with_offsets=True)
+
+#: Every dialect by name.
+DIALECTS: dict[str, Dialect] = {
+    dialect.name: dialect
+    for dialect in (
+        Dialect(
+            "paper",
+            "equations (1)-(3): one distance correction; the model of this project",
+            interpolates=_BY_TIME,
+            rounds=False,
+        ),
+        Dialect(
+            "manual",
+            "HDL-64E S3 user's manual, appendix F, sample code (two-point up to 25 m)",
+            two_point=TwoPoint("given", 25.001, with_offsets=False),
+            interpolates=_BY_TIME,
+            rounds=False,
+        ),
+        Dialect(
+            "manual_s2",
+            "HDL-64E S2 user's manual, appendix F, sample code (two-point at all ranges)",
+            two_point=_SAMPLE_CODE,
+            interpolates=_BY_TIME,
+            rounds=False,
+        ),
+        Dialect(
+            "ros",
+            "ros-drivers/velodyne, velodyne_pointcloud/src/lib/rawdata.cc",
+            reach=-1,
+            orthogonal=True,
+            two_point=replace(_SAMPLE_CODE, where="flag"),
+            interpolates=("VLP-16",),
+        ),
+        Dialect(
+            "libvelodyne",
+            "jmaye/libvelodyne, src/lib/sensor/Converter.cpp",
+            reach=-1,
+            orthogonal=True,
+        ),
+        Dialect(
+            "veloview",
+            "Kitware VeloView, vtkVelodyneLegacyPacketInterpreter.cxx "
+            "and VelodynePacketInterpreterCommon.cxx",
+            reach=-1,
+            interpolates=("HDL-64E", *_BY_TIME),
+        ),
+        Dialect("pcl", "PointCloudLibrary/pcl, io/src/hdl_grabber.cpp"),
+        Dialect(
+            "mrpt",
+            "MRPT/mrpt, libs/obs/src/CObservationVelodyneScan.cpp",
+            reach=1,
+            alpha=False,
+            interpolates=_BY_TIME,
+        ),
+        Dialect(
+            "velodyne_decoder",
+            "valgur/velodyne_decoder, src/packet_decoder.cpp",
+            two_point=TwoPoint("nonzero", 25.039, with_offsets=False, z="mean"),
+            interpolates=("HDL-64E", *_BY_TIME),
+        ),
+    )
+}
+PAPER, MANUAL = DIALECTS["paper"], DIALECTS["manual"]
+
+
+def dialect_named(name: str, *, where: str | None = None) -> Dialect:
+    """Look up a dialect.
+
+    Raises
+    ------
+    ConfigError
+        If none has that name.
+    """
+    try:
+        return DIALECTS[name]
+    except KeyError:
+        raise ConfigError(
+            f"unknown dialect {name!r}",
+            where=where,
+            allowed=", ".join(DIALECTS),
+            hint="Name the program that reads the file; docs/dialects.md describes them.",
+        ) from None

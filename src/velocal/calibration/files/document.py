@@ -1,0 +1,316 @@
+"""What all formats share: from what a file holds of single lasers to a checked calibration.
+
+A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `calibration`
+checks it and stops at the first fault, `velocal.calibration.lint` names all of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from velocal.calibration.files.decimals import UNCHANGED, number
+from velocal.errors import CalibrationFileError
+from velocal.scanner.models import DISTANCE_TICK_M
+from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT, UNITS, Array, ParameterSet
+
+#: What files hold besides the parameters, by its name in ROS YAML, with our unit. The near-point
+#: corrections and the focal distance are in metres whatever the file's unit is.
+CARRIED = {
+    "dist_correction_x": "m",
+    "dist_correction_y": "m",
+    TWO_POINT: "",
+    "focal_distance": "m",
+    "focal_slope": "",
+    "min_intensity": "",
+    "max_intensity": "",
+}
+#: Hint of the formats in radians for a vertical angle beyond the vertical.
+DEGREES_HINT = "The file seems to hold degrees where radians are expected."
+
+#: Values of one laser by our names, metres and radians.
+Values = Mapping[str, float]
+#: Key of a file, and the file's unit in ours, by our names.
+Keys = Mapping[str, tuple[str, Decimal]]
+
+#: Names of columns and keys in formats of our own, unit at the end.
+OWN_KEYS: Keys = {
+    name: (f"{name}_{unit}" if unit else name, UNCHANGED)
+    for name, unit in {**UNITS, **CARRIED}.items()
+}
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration and what is known of it.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+    dialect : str or None
+        Name of the point formula that the numbers belong to; None where the file does not say.
+    scanner : str or None
+    tick_m : float
+        Metres of one unit of raw distance.
+    std : mapping of str to ndarray, shape (n,)
+        Standard deviations by parameter; NaN where unknown.
+    covariance : mapping of (str, str) to ndarray, shape (n,)
+        Covariances of two parameters of a laser, where they are known.
+    provenance : mapping of str to object
+        Where the numbers come from: plain values for JSON.
+    """
+
+    parameters: ParameterSet
+    dialect: str | None = None
+    scanner: str | None = None
+    tick_m: float = DISTANCE_TICK_M
+    std: Mapping[str, Array] = field(default_factory=dict)
+    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file holds, not yet judged.
+
+    Attributes
+    ----------
+    path : Path
+    keys : mapping
+        The file's keys and units by our names.
+    id_key : str
+    lasers : sequence of (str, mapping of str to object)
+        Of every laser: where in the file, and its values under the file's keys.
+    required : tuple of str
+        Names without which a laser is not calibrated; others get `neutral` values.
+    tick : (str, object, Decimal) or None
+        Key, value and unit of the raw distance, if stated.
+    stated : object
+        Number of lasers that the file states, if it does.
+    dialect : str or None
+    angle_hint : str or None
+        What to say of a vertical angle beyond the vertical.
+    listed : mapping of str to int
+        Lengths of lists beside the lasers (XML only).
+    """
+
+    path: Path
+    keys: Keys
+    id_key: str
+    lasers: Sequence[tuple[str, Mapping[str, object]]]
+    required: tuple[str, ...] = ("dl", "alpha", "v")
+    tick: tuple[str, object, Decimal] | None = None
+    stated: object = None
+    dialect: str | None = None
+    angle_hint: str | None = DEGREES_HINT
+    listed: Mapping[str, int] = field(default_factory=dict)
+
+
+def content(path: Path) -> bytes:
+    """Read a file.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it cannot be read, or is a web page.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise CalibrationFileError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    if re.search(rb"<!doctype\s+html|<html\b", data[:1000].lower()):
+        raise CalibrationFileError(
+            "is a web page, not a calibration file",
+            where=str(path),
+            hint="Download the file itself, not the page that shows it.",
+        )
+    return data
+
+
+def laser_id(value: object, key: str, where: str) -> int:
+    """Convert a laser id, which some files write as `0.0`.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is not a whole number from 0 on.
+    """
+    found = number(value, key, where)
+    if found < 0 or not found.is_integer():
+        raise CalibrationFileError(
+            f"{key} is {found}", where=where, allowed="whole numbers from 0 on"
+        )
+    return int(found)
+
+
+def value(document: Document, name: str, found: Mapping[str, object], where: str) -> float | None:
+    """Convert one value of a laser; None where an optional one is absent.
+
+    Raises
+    ------
+    CalibrationFileError
+        If a required value is missing, or a value is not a finite number.
+    """
+    key, unit = document.keys[name]
+    entry = found.get(key)
+    if name == TWO_POINT and key in found:
+        if not isinstance(entry, bool) and entry not in ("0", "1", "0.0", "1.0"):
+            raise CalibrationFileError(
+                f"{key} is of type {type(entry).__name__}", where=where, allowed="true, false"
+            )
+        return float(entry)
+    if entry is None and name not in document.required:
+        return None
+    return number(entry, key, where, unit)
+
+
+def neutral(known: Values) -> dict[str, float]:
+    """Complete the values of a laser by ones that leave every reader's points as they are.
+
+    Near-point corrections equal to the distance correction make the two-point interpolation vanish.
+    """
+    dl = known.get("dl", 0.0)
+    return {
+        "dl": dl,
+        "voff": 0.0,
+        "hoff": 0.0,
+        **dict.fromkeys(NEAR_POINT, dl),
+        TWO_POINT: 0.0,
+        "focal_distance": 0.0,
+        "focal_slope": 0.0,
+        "min_intensity": 0.0,
+        "max_intensity": 255.0,
+        **known,
+    }
+
+
+def tick_m(document: Document) -> float:
+    """Metres of one unit of raw distance, as the file states it.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is not a positive number, or is beyond 5 mm, where no scanner of Velodyne is.
+    """
+    if document.tick is None or document.tick[1] is None:
+        return DISTANCE_TICK_M
+    key, stated, unit = document.tick
+    found = number(stated, key, str(document.path), unit)
+    if not 0.0 < found <= 0.005:
+        raise CalibrationFileError(
+            f"{key} is {found:g} m",
+            where=str(document.path),
+            allowed="0.002 m, or 0.004 m for a VLS-128",
+            hint="Centimetres where metres are expected?" if np.isclose(found, 0.2) else None,
+        )
+    # Files in centimetres give 0.2: the decimal is exact, and so is what is compared with it.
+    return DISTANCE_TICK_M if np.isclose(found, DISTANCE_TICK_M, rtol=1e-6) else found
+
+
+def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
+    """Check what a file holds and put it together.
+
+    Parameters
+    ----------
+    document : Document
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as there are.
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is missing or no finite number, lasers are missing, doubled or too many, or an
+        angle is impossible.
+    """
+    path, by_id = document.path, dict[int, Values]()
+    tick = tick_m(document)
+    if document.stated is not None:
+        stated = number(document.stated, "num_lasers", str(path))
+        if stated != len(document.lasers):
+            raise CalibrationFileError(
+                f"num_lasers is {stated:g}, but the list 'lasers' has {len(document.lasers)} "
+                "entries",
+                where=str(path),
+            )
+    for place, found in document.lasers:
+        laser = laser_id(found.get(document.id_key), document.id_key, f"{path}, {place}")
+        where = f"{path}, laser {laser}"
+        converted = {name: value(document, name, found, where) for name in document.keys}
+        known = {name: entry for name, entry in converted.items() if entry is not None}
+        if laser in by_id:
+            raise CalibrationFileError("the laser id is doubled", where=where)
+        if abs(known["v"]) > np.pi / 2:
+            raise CalibrationFileError(
+                f"the vertical angle is {known['v']:g} rad",
+                where=where,
+                allowed="-pi/2 to pi/2",
+                hint=document.angle_hint,
+            )
+        by_id[laser] = known
+    _check_ids(path, set(by_id), n_lasers)
+    carried = [name for name in CARRIED if any(name in known for known in by_id.values())]
+    rows = [neutral(by_id[laser]) for laser in sorted(by_id)]
+    columns = {
+        name: np.array([row[name] for row in rows], dtype=np.float64)
+        for name in (*PARAMETERS, *carried)
+    }
+    parameters = ParameterSet(
+        **{name: columns[name] for name in PARAMETERS},
+        carried={name: columns[name] for name in carried},
+    )
+    return Calibration(parameters, document.dialect, tick_m=tick)
+
+
+def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
+    wanted = set(range(len(ids) if n_lasers is None else n_lasers))
+    if not ids:
+        raise CalibrationFileError("holds no lasers", where=str(path))
+    if ids == wanted:
+        return
+    if ids == set(range(len(ids))):
+        raise CalibrationFileError(
+            f"holds {len(ids)} lasers",
+            where=str(path),
+            allowed=f"{n_lasers}, as the scanner has",
+            hint="Is this the file of another scanner?",
+        )
+    odd = {"missing": wanted - ids, "unknown": ids - wanted}
+    raise CalibrationFileError(
+        "; ".join(
+            f"laser ids {what}: {', '.join(map(str, sorted(some)))}"
+            for what, some in odd.items()
+            if some
+        ),
+        where=str(path),
+        allowed=f"each of 0 to {len(wanted) - 1} once",
+    )
+
+
+def rows(path: Path, parameters: ParameterSet) -> list[dict[str, float]]:
+    """Take a set apart into the values of its lasers, for writing.
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite, or a carried array does not belong to the same lasers.
+    """
+    columns = {name: getattr(parameters, name) for name in PARAMETERS}
+    columns |= {name: parameters.carried[name] for name in CARRIED if name in parameters.carried}
+    for name, column in columns.items():
+        if column.shape != parameters.dl.shape:
+            raise CalibrationFileError(f"{name} has shape {column.shape}", where=str(path))
+        if not np.isfinite(column).all():
+            raise CalibrationFileError(
+                f"{name} of laser {np.flatnonzero(~np.isfinite(column))[0]} is not finite",
+                where=str(path),
+                hint="Drivers cannot use it; write the value from before the adjustment.",
+            )
+    return [
+        {name: float(column[laser]) for name, column in columns.items()}
+        for laser in range(len(parameters))
+    ]

@@ -1,0 +1,165 @@
+"""Packets out of pcapng files (IETF draft-ietf-opsawg-pcapng)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from velocal.capture import framing
+from velocal.capture.chunk import Chunk
+from velocal.capture.gzip_stream import Content
+from velocal.capture.ledger import Ledger
+from velocal.capture.udp import Datagrams, Frames
+
+#: Block types: section header (the same in both byte orders), interface, packets of three kinds.
+SECTION = b"\x0a\x0d\x0d\x0a"
+_SECTION, _INTERFACE, _OBSOLETE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
+_BYTE_ORDER = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
+_LEAST = 12
+_RESOLUTION, _OFFSET = 9, 14
+
+#: Place in the block, seconds, captured, original, link type, and bytes before the frame.
+_Row = tuple[int, int, float, int, int, int, int]
+
+
+@dataclass
+class _Section:
+    """What the blocks of a section refer to."""
+
+    order: str = "<"
+    #: Link type, ticks per second, offset in seconds, largest captured length.
+    interfaces: list[tuple[int, float, int, int]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class PcapNg:
+    """Blocks of pcapng; sections and interfaces before a packet must have been read."""
+
+    name: str = "pcapng"
+    first_packet: int = 0
+    enterable: bool = False
+    addressed: bool = True
+
+    def chunks(self, file: Content, start: int, stop: int, ledger: Ledger) -> Iterator[Chunk]:
+        """Walk the blocks; after a damaged one, find the next by its two lengths."""
+        datagrams, section = Datagrams(ledger), _Section()
+        position = start
+        while position < stop:
+            file.seek(position)
+            data = file.read(min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED)
+            limit = min(framing.CHUNK_BYTES, stop - position, len(data))
+            rows: list[_Row] = []
+            here, lost = 0, False
+            while here < limit:
+                length = _block_length(data, here, section.order)
+                if length is None:
+                    lost = True
+                    break
+                row = _read_block(data, here, length, section)
+                if row is None:
+                    ledger.framing_bytes += length
+                else:
+                    rows.append(row)
+                here += length
+            if rows:
+                yield datagrams.take(_frames(data, rows), position, position + here)
+            position += here
+            if lost:
+                rest = len(data) - here
+                ahead = _next_block(data, here + 1, section.order)
+                last = len(data) < limit + framing.MAX_CAPTURED
+                if ahead is None and last:
+                    reason = "packet cut short at the end of the file"
+                else:
+                    reason = "bytes without a block"
+                # What is not found here may begin in the last bytes read.
+                skipped = ahead - here if ahead is not None else max(rest - (0 if last else 64), 1)
+                ledger.reject(reason, 1, skipped)
+                position += skipped
+            elif here >= len(data):
+                break
+        datagrams.finish()
+
+
+def _block_length(data: bytes, at: int, order: str) -> int | None:
+    """Length of a block, if it is said twice."""
+    if at + _LEAST > len(data):
+        return None
+    if data[at : at + 4] == SECTION:
+        order = _BYTE_ORDER.get(data[at + 8 : at + 12], order)
+    (length,) = struct.unpack_from(order + "I", data, at + 4)
+    if length < _LEAST or length % 4 or at + length > len(data) or length > framing.MAX_CAPTURED:
+        return None
+    again = struct.unpack_from(order + "I", data, at + length - 4)[0]
+    return int(length) if again == length else None
+
+
+def _next_block(data: bytes, at: int, order: str) -> int | None:
+    """Where the next packet or section begins."""
+    kinds = [struct.pack(order + "I", kind) for kind in (_ENHANCED, _SIMPLE, _OBSOLETE)]
+    places: list[int] = []
+    for kind in [*kinds, SECTION]:
+        found = data.find(kind, at)
+        while found >= 0 and _block_length(data, found, order) is None:
+            found = data.find(kind, found + 1, min(places, default=len(data)) + 4)
+        if found >= 0:
+            places.append(found)
+    return min(places, default=None)
+
+
+def _read_block(data: bytes, at: int, length: int, section: _Section) -> _Row | None:
+    """Packet in a block; other blocks may change what is known of the section."""
+    order = section.order
+    (kind,) = struct.unpack_from(order + "I", data, at)
+    if data[at : at + 4] == SECTION:
+        section.order = _BYTE_ORDER.get(data[at + 8 : at + 12], order)
+        section.interfaces.clear()
+    elif kind == _INTERFACE and length >= 20:
+        link, _, longest = struct.unpack_from(order + "HHI", data, at + 8)
+        ticks, offset = _clock(data[at + 16 : at + length - 4], order)
+        section.interfaces.append((link, ticks, offset, longest or framing.MAX_CAPTURED))
+    elif kind in (_ENHANCED, _OBSOLETE) and length >= 32:
+        layout = "IIIII" if kind == _ENHANCED else "HHIIII"
+        number, *_, high, low, captured, original = struct.unpack_from(order + layout, data, at + 8)
+        link, ticks, offset, _ = _interface(section, number)
+        captured = min(captured, length - 32)
+        time = offset + ((high << 32) + low) / ticks
+        return at, length, time, captured, original, link, 28
+    elif kind == _SIMPLE and length >= 16:
+        (original,) = struct.unpack_from(order + "I", data, at + 8)
+        link, _, _, longest = _interface(section, 0)
+        return at, length, float("nan"), min(original, longest, length - 16), original, link, 12
+    return None
+
+
+def _interface(section: _Section, number: int) -> tuple[int, float, int, int]:
+    """What is known of an interface; Ethernet and microseconds if its block was lost."""
+    if number < len(section.interfaces):
+        return section.interfaces[number]
+    return 1, 1e6, 0, framing.MAX_CAPTURED
+
+
+def _clock(options: bytes, order: str) -> tuple[float, int]:
+    """Ticks per second and offset in seconds of an interface, from its options."""
+    ticks, offset, at = 1e6, 0, 0
+    while at + 4 <= len(options):
+        code, size = struct.unpack_from(order + "HH", options, at)
+        value = options[at + 4 : at + 4 + size]
+        if code == _RESOLUTION and size == 1:
+            ticks = float(2 ** (value[0] & 127) if value[0] & 128 else 10 ** value[0])
+        elif code == _OFFSET and len(value) == 8:
+            (offset,) = struct.unpack(order + "q", value)
+        at += 4 + -(-size // 4) * 4
+    return ticks, offset
+
+
+def _frames(data: bytes, rows: list[_Row]) -> Frames:
+    columns = list(zip(*rows, strict=True))
+    start, size, captured, original, link, before = (
+        np.array(columns[k], dtype=np.int64) for k in (0, 1, 3, 4, 5, 6)
+    )
+    time = np.array(columns[2])
+    return Frames(data, start, size, start + before, captured, original, time, link)

@@ -1,0 +1,1 @@
+"""Statistics of residuals, methods side by side, planes found in data."""

@@ -1,0 +1,384 @@
+"""Methods of adjustment side by side: those of the literature, the paper's, and ours.
+
+Every method ("arm") gets the same medians, the same survey and the same factory parameters; its
+result is judged on the data that it was adjusted on, on another position, and against the truth
+where there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.adjustment.average import average
+from velocal.adjustment.joint import adjust_joint
+from velocal.adjustment.lasers import Observations, adjust_all, joined, split
+from velocal.adjustment.robust import Robust
+from velocal.adjustment.solvers import (
+    GaussHelmert,
+    OrdinaryLeastSquares,
+    PaperModel,
+    Solver,
+    WithPrior,
+)
+from velocal.adjustment.stochastic import Stochastic
+from velocal.adjustment.tabulate import Corrections
+from velocal.errors import VelocalError
+from velocal.evaluation.statistics import laser_statistics
+from velocal.scanner.parameters import ParameterSet
+
+Array = NDArray[np.float64]
+
+#: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
+WALL = 0.5
+#: Standard deviation of a range scale, which only decides what is held where none is configured.
+SCALE_STD = 1e-3
+#: Linearisations after which an adjustment has not converged.
+MAX_ITERATIONS = 30
+#: Errors of v beyond this are counted.
+FAR_OFF_RAD = np.deg2rad(1.0)
+#: Truth is compared in these units.
+_ERRORS = {"dl": ("dl_error_cm", 1e2), "alpha": ("alpha_error_deg", 180 / np.pi)} | {
+    "v": ("v_error_deg", 180 / np.pi)
+}
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One method.
+
+    Attributes
+    ----------
+    key, name : str
+        For files and for people.
+    reference : str
+        Where it comes from.
+    description : str
+    parameters : tuple of str
+        What it adjusts.
+    solver : Solver or None
+        How; None for the factory's values as they are, or where planes are unknown.
+    planes : {"one wall", "walls", "all"}
+        What it sees of the data.
+    joint : bool
+        Whether all positions are adjusted together.
+    planes_unknown : bool
+        Whether planes are adjusted together with the lasers.
+    """
+
+    key: str
+    name: str
+    reference: str
+    description: str
+    parameters: tuple[str, ...] = ("dl", "alpha", "v")
+    solver: Solver | None = None
+    planes: Literal["one wall", "walls", "all"] = "all"
+    joint: bool = False
+    planes_unknown: bool = False
+
+
+_PAPER, _OURS = "Zalud et al. 2015", "velocal"
+#: Keys of the method that is the default, and of the paper's as it is printed.
+DEFAULT, PRINTED = "prior", "paper"
+ARMS = (
+    Arm("factory", "factory values", "manufacturer", "nothing is adjusted", ()),
+    Arm(
+        "dl", "dl only", "common practice",
+        "one distance correction per laser, weighted", ("dl",), GaussHelmert(),
+    ),
+    Arm(
+        "dl_alpha", "dl + alpha", "common practice",
+        "what vertical walls determine well, weighted", ("dl", "alpha"), GaussHelmert(),
+    ),
+    Arm(
+        "one_wall", "one wall, several distances", "Muhammad and Lacroix 2010",
+        "least squares on the long wall alone, all positions of the study jointly",
+        solver=OrdinaryLeastSquares(), planes="one wall", joint=True,
+    ),
+    Arm(
+        "planes_unknown", "planes unknown, range scale", "Glennie and Lichti 2010",
+        "lasers and planes together, no survey; means of alpha and scale as datum",
+        ("dl", "alpha", "v", "scale"), joint=True, planes_unknown=True,
+    ),
+    Arm(
+        "gauss_helmert", "Gauss-Helmert", "textbook",
+        "weighted, no prior, truncated at machine precision", solver=GaussHelmert(),
+    ),
+    Arm(
+        PRINTED, "the paper as printed", _PAPER,
+        "pseudo-inverse at machine precision, walls only",
+        solver=PaperModel(None), planes="walls",
+    ),
+    Arm(
+        "paper_truncated", "the paper, truncated", _PAPER + ", velocal",
+        "directions are held that the prior knows better, walls only",
+        solver=PaperModel(1.0), planes="walls",
+    ),
+    Arm(
+        "prior_walls", "with prior, walls only", _OURS,
+        "weighted, the factory's values as observations", solver=WithPrior(), planes="walls",
+    ),
+    Arm(
+        DEFAULT, "with prior (default)", _OURS,
+        "weighted, the factory's values as observations", solver=WithPrior(),
+    ),
+    Arm(
+        "huber", "with prior, robust", _OURS,
+        "the same with Huber's weights", solver=Robust(WithPrior(), "huber"),
+    ),
+    Arm(
+        "prior_joint", "with prior, positions jointly", _OURS,
+        "the same on all positions of the study together", solver=WithPrior(), joint=True,
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SampleData:
+    """Medians of one sample.
+
+    Attributes
+    ----------
+    position : str
+        Set-up of the scanner, of which all samples share pose and planes.
+    windows : sequence of Observations
+    """
+
+    position: str
+    windows: Sequence[Observations]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an arm has found.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+    scale : ndarray, shape (lasers,), or None
+        Range scale per laser.
+    unconverged : int
+        Lasers whose adjustment did not converge in some window.
+    """
+
+    parameters: ParameterSet
+    scale: Array | None = None
+    unconverged: int = 0
+
+
+def run_arm(
+    arm: Arm,
+    calibration: Sequence[SampleData],
+    other: Sequence[SampleData],
+    factory: ParameterSet,
+    stochastic: Stochastic,
+) -> Estimate:
+    """Adjust with one method: mean over the windows, then over the samples.
+
+    Parameters
+    ----------
+    arm : Arm
+    calibration, other : sequence of SampleData
+        Samples to calibrate on, and of another position. Methods that adjust positions jointly
+        take the same window of all of them together, and every so many-th median of a laser, so
+        that they have about as many as the others.
+    factory : ParameterSet
+    stochastic : Stochastic
+        With a prior for dl, alpha and v.
+    """
+    if not arm.parameters:
+        return Estimate(factory)
+    # Neither the survey's uncertainty nor correlation enters any estimate.
+    stochastic = replace(
+        stochastic,
+        block_rad=None,
+        survey=(),
+        prior_std={"scale": SCALE_STD, **stochastic.prior_std},
+    )
+    if not arm.joint:
+        samples = [
+            [_adjusted(arm, _seen(arm, window, 0), factory, stochastic) for window in each.windows]
+            for each in calibration
+        ]
+    else:
+        everything = [*calibration, *other]
+        if len({len(each.windows) for each in everything}) > 1:
+            raise VelocalError(
+                f"windows per sample are {[len(each.windows) for each in everything]}",
+                where="methods",
+                allowed="samples of as many windows each",
+            )
+        positions = list(dict.fromkeys(each.position for each in everything))
+        wall = _largest_wall(everything)
+        windows = []
+        for parts in zip(*(each.windows for each in everything), strict=True):
+            data = joined([_thinned(_seen(arm, part, wall), len(parts)) for part in parts])
+            of_part = np.array([positions.index(each.position) for each in everything])
+            data = replace(data, station=of_part[data.station_number])
+            windows.append(_adjusted(arm, data, factory, stochastic))
+        samples = [windows]
+    tables = [[_corrections(arm, x, seen) for x, seen, _ in windows] for windows in samples]
+    means = average(tables)
+    parameters, scale = split(
+        np.column_stack([means[name].mean for name in arm.parameters]), arm.parameters, factory
+    )
+    failed = [~converged & seen for windows in samples for _, seen, converged in windows]
+    return Estimate(parameters, scale, int(np.any(failed, axis=0).sum()))
+
+
+def _adjusted(
+    arm: Arm, data: Observations, factory: ParameterSet, stochastic: Stochastic
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Corrections (lasers, u), which lasers have observations, which have converged."""
+    seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
+    if arm.planes_unknown:
+        number = data.station_number * (int(data.plane_number.max()) + 1) + data.plane_number
+        group = np.unique(number, return_inverse=True)[1]
+        joint = adjust_joint(data, group, factory, arm.parameters, stochastic)
+        return joint.corrections, seen, np.full(len(factory), joint.converged)
+    assert arm.solver is not None
+    results = adjust_all(
+        data,
+        factory,
+        arm.parameters,
+        arm.solver,
+        stochastic,
+        max_iterations=MAX_ITERATIONS,
+    )
+    return (
+        np.array([result.corrections for result in results]),
+        seen,
+        np.array([result.converged for result in results]),
+    )
+
+
+def _corrections(arm: Arm, x: Array, seen: NDArray[np.bool_]) -> Corrections:
+    """As the averaging takes them; the plain mean needs no standard deviations."""
+    value = dict(zip(arm.parameters, x.T, strict=True))
+    unknown = {name: np.zeros(len(x)) for name in arm.parameters}
+    return Corrections(value, unknown, unknown, seen)
+
+
+def _of_walls(data: Observations) -> NDArray[np.bool_]:
+    """Which observations hit vertical planes."""
+    return np.abs(data.normal[:, 2]) < WALL
+
+
+def _seen(arm: Arm, data: Observations, wall: int) -> Observations:
+    if arm.planes == "all":
+        return data
+    walls = _of_walls(data)
+    return data.take(walls & (data.plane_number == wall) if arm.planes == "one wall" else walls)
+
+
+def _largest_wall(samples: Sequence[SampleData]) -> int:
+    """The wall with the most medians."""
+    windows = [window for each in samples for window in each.windows]
+    numbers = [window.plane_number[_of_walls(window)] for window in windows]
+    return int(np.argmax(np.bincount(np.concatenate(numbers))))
+
+
+def _thinned(data: Observations, every: int) -> Observations:
+    order = np.lexsort((data.phi, data.plane_number, data.laser_id))
+    return data.take(order[::every])
+
+
+def evaluate(
+    arm: Arm,
+    estimate: Estimate,
+    calibration: Sequence[SampleData],
+    other: Sequence[SampleData],
+    sigma_m: float,
+    truth: ParameterSet | None = None,
+) -> dict[str, Any]:
+    """Judge what an arm has found.
+
+    Parameters
+    ----------
+    arm : Arm
+    estimate : Estimate
+    calibration, other : sequence of SampleData
+        All arms are judged on all planes of them, whatever they were adjusted on.
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+    truth : ParameterSet or None
+        Against which errors are taken, if it is known.
+
+    Returns
+    -------
+    dict
+        ``{data}_std_cm``: mean over the lasers of the root mean square of s, mean of the
+        windows; ``{data}_walls_std_cm``: the same on walls only, which is what the paper looks
+        at; ``{data}_within_1sigma_pct``: share of |s| below the datasheet's sigma;
+        ``other_seen``: whether the arm was adjusted on the other position too; errors: root mean
+        square over the lasers; ``v_far_off``: lasers with an error of v above 1 deg.
+    """
+    row: dict[str, Any] = {
+        "arm": arm.key,
+        "name": arm.name,
+        "reference": arm.reference,
+        "description": arm.description,
+        "planes": arm.planes,
+        "parameters": " ".join(arm.parameters),
+        "other_seen": int(arm.joint),
+        "unconverged": estimate.unconverged,
+    }
+    for label, samples in (("calibration", calibration), ("other", other)):
+        windows = [window for each in samples for window in each.windows]
+        std, walls_std, share = np.mean(
+            [_statistics(w, estimate, sigma_m) for w in windows], axis=0
+        )
+        row[f"{label}_std_cm"] = float(std) * 1e2
+        row[f"{label}_walls_std_cm"] = float(walls_std) * 1e2
+        row[f"{label}_within_1sigma_pct"] = float(share) * 1e2
+    if truth is not None:
+        row |= errors(estimate.parameters, truth)
+    return row
+
+
+def _statistics(data: Observations, estimate: Estimate, sigma_m: float) -> list[float]:
+    """Mean over the lasers of the root mean square, the same on walls, share within sigma."""
+    s = data.misclosure(estimate.parameters, estimate.scale)
+    n_lasers, walls = len(estimate.parameters), _of_walls(data)
+    rms = [
+        float(np.nanmean(laser_statistics(s[rows], data.laser_id[rows], n_lasers, sigma_m).rms_m))
+        for rows in (slice(None), walls)
+    ]
+    return [*rms, float(np.mean(np.abs(s) < sigma_m))]
+
+
+def errors(parameters: ParameterSet, truth: ParameterSet) -> Mapping[str, float | int]:
+    """Root mean square over the lasers of parameters minus truth, and lasers with a wild v."""
+    difference = {name: getattr(parameters, name) - getattr(truth, name) for name in _ERRORS}
+    row: dict[str, float | int] = {
+        column: float(np.sqrt(np.mean(difference[name] ** 2))) * factor
+        for name, (column, factor) in _ERRORS.items()
+    }
+    row["v_far_off"] = int(np.sum(np.abs(difference["v"]) > FAR_OFF_RAD))
+    return row
+
+
+def compare(
+    calibration: Sequence[SampleData],
+    other: Sequence[SampleData],
+    factory: ParameterSet,
+    stochastic: Stochastic,
+    sigma_m: float,
+    truth: ParameterSet | None = None,
+) -> list[dict[str, Any]]:
+    """Run and judge all arms; see `run_arm` and `evaluate`."""
+    return [
+        evaluate(
+            arm,
+            run_arm(arm, calibration, other, factory, stochastic),
+            calibration,
+            other,
+            sigma_m,
+            truth,
+        )
+        for arm in ARMS
+    ]

@@ -1,0 +1,382 @@
+"""Recordings without a survey: planes fitted to the data, and how flat each laser sees them.
+
+Trimming compares a return with its own laser only, so that the errors of the lasers, which are
+what is looked for, stay in. `field_search` finds planes where nobody says where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.adjustment.functional import misclosure
+from velocal.errors import SurveyError
+from velocal.evaluation.statistics import statistics_table, summary_row
+from velocal.geometry.planes import Plane, PlaneFit, fit_plane
+from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, laser_beams
+from velocal.scanner.models import DISTANCE_TICK_M, Scanner
+from velocal.scanner.parameters import ParameterSet
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+#: Lasers that a plane must be seen by, as two or three lines do not fix one.
+MIN_LASERS = 4
+#: Trimming: limit in robust standard deviations, largest number of rounds.
+TRIM_AT, ROUNDS = 3.0, 10
+#: Standard deviations of normal noise in its median absolute deviation.
+STD_PER_MAD = 1.4826
+#: Statistics of a laser on a plane that are tabulated.
+LASER_COLUMNS = ("rms_cm", "mean_cm", "std_cm", "within_1sigma_pct", "within_3sigma_pct")
+#: Returns that a cell must have before its spread tells anything of single returns.
+MIN_SPREAD_COUNT = 5
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Returns, or medians of them, with the points that a calibration gives.
+
+    Attributes
+    ----------
+    distance_m, phi : ndarray, shape (n,)
+        Raw distance, metres; rotational angle, radians.
+    laser_id : ndarray of int, shape (n,)
+        Laser of each.
+    parameters : ParameterSet
+        Calibration.
+    xyz, direction : ndarray, shape (n, 3)
+        Points, metres, and unit directions of their beams, scanner frame.
+    tick_m : float
+        One tick of the raw distance, metres.
+    """
+
+    distance_m: Array
+    phi: Array
+    laser_id: NDArray[np.integer]
+    parameters: ParameterSet
+    xyz: Array
+    direction: Array
+    tick_m: float = DISTANCE_TICK_M
+
+    @classmethod
+    def of(
+        cls, distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: ParameterSet
+    ) -> Cloud:
+        """Compute the points of returns."""
+        direction, origin = laser_beams(phi, laser_id, parameters)
+        length = distance_m + parameters.dl[laser_id]
+        xyz = length[:, None] * direction + origin
+        return cls(distance_m, phi, laser_id, parameters, xyz, direction)
+
+    @classmethod
+    def of_medians(
+        cls,
+        medians: Mapping[str, NDArray[Any]],
+        scanner: Scanner,
+        rotation_rate_hz: float,
+        parameters: ParameterSet,
+    ) -> Cloud:
+        """Compute the points of medians, or of returns that are not empty.
+
+        Columns ``laser_id``, ``azimuth``, ``distance``.
+        """
+        laser_id = medians["laser_id"]
+        rate = 2.0 * np.pi * rotation_rate_hz
+        phi = angle_from_ticks(medians["azimuth"], laser_id, scanner, rate)
+        distance_m = distance_from_ticks(medians["distance"], scanner.distance_tick_m)
+        cloud = cls.of(distance_m, phi, laser_id, parameters)
+        return replace(cloud, tick_m=scanner.distance_tick_m)
+
+    def s(self, rows: Rows, plane: Plane) -> Array:
+        """Residuals of rows along their beams, metres; equation (5)."""
+        return misclosure(
+            self.distance_m[rows],
+            self.phi[rows],
+            self.laser_id[rows],
+            self.parameters,
+            np.broadcast_to(plane.normal, (len(rows), 3)),
+            np.full(len(rows), plane.offset),
+        )
+
+    def incidence(self, rows: Rows, plane: Plane) -> Array:
+        """Angles of incidence of rows, radians."""
+        return np.arccos(np.minimum(np.abs(self.direction[rows] @ plane.normal), 1.0))
+
+
+@dataclass(frozen=True)
+class Search:
+    """What counts as a plane.
+
+    Attributes
+    ----------
+    planes : int
+        Planes to find at most.
+    distance_m : float
+        Points of a found plane lie within this distance of it.
+    extent_m : float
+        Largest diameter of a found plane; what is flat over metres is not over a whole street.
+    min_points : int
+        Points that a plane must have.
+    incidence_rad : float
+        Largest angle between beam and normal.
+    seed : int
+        Seed of the random search.
+    min_lasers : int
+        Lasers that must see a plane.
+    """
+
+    planes: int
+    distance_m: float
+    extent_m: float
+    min_points: int
+    incidence_rad: float
+    seed: int
+    min_lasers: int = MIN_LASERS
+
+    @classmethod
+    def from_config(cls, search: Mapping[str, Any]) -> Search:
+        """Search out of the configuration's `field: search`."""
+        return cls(
+            planes=search["planes"],
+            distance_m=search["distance_cm"] * 1e-2,
+            extent_m=search["extent_m"],
+            min_points=search["min_points"],
+            incidence_rad=float(np.deg2rad(search["incidence_deg"])),
+            seed=search["seed"],
+        )
+
+
+@dataclass(frozen=True)
+class FieldPlane:
+    """A plane fitted to points of a recording.
+
+    Attributes
+    ----------
+    name : str
+        Name of the patch, or plane1, plane2, ...
+    fit : PlaneFit
+        The plane with the orthogonal distances of its points.
+    rows : ndarray of int, shape (n,)
+        Points that it was fitted to, rows of the cloud.
+    s : ndarray, shape (n,)
+        Their residuals along the beam, metres.
+    trimmed : int
+        Points left out as outliers.
+    range_m, incidence_rad : float
+        Mean range and mean angle of incidence.
+    """
+
+    name: str
+    fit: PlaneFit
+    rows: Rows
+    s: Array
+    trimmed: int
+    range_m: float
+    incidence_rad: float
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between normal and vertical: 0 for a level plane, pi/2 for an upright one."""
+        return float(np.arccos(min(1.0, abs(self.fit.plane.normal[2]))))
+
+
+#: Planes, and what else there is to say: why there is none.
+Found = tuple[list[FieldPlane], list[str]]
+
+
+def patch_points(xyz: Array, box: Mapping[str, Sequence[float]]) -> Rows:
+    """Rows of the points, shape (n, 3), inside a box: `x_m`, `y_m`, `z_m`, each from and to."""
+    inside = np.ones(len(xyz), dtype=bool)
+    for axis, name in enumerate(("x_m", "y_m", "z_m")):
+        low, high = sorted(box[name])
+        inside &= (xyz[:, axis] >= low) & (xyz[:, axis] <= high)
+    return np.flatnonzero(inside)
+
+
+def fit_patches(
+    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]], search: Search
+) -> Found:
+    """Fit a plane to the points in each box; a box without a plane becomes a finding."""
+    planes, findings = [], []
+    for name, box in patches.items():
+        try:
+            planes.append(fit_robustly(name, cloud, patch_points(cloud.xyz, box), search))
+        except SurveyError as error:
+            findings.append(f"{name}: {error}")
+    return planes, findings
+
+
+def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPlane:
+    """Fit a plane to rows of a cloud without its outliers and without grazing returns.
+
+    A return is an outlier if it is further from the median of its laser than three robust
+    standard deviations, of that laser or of all lasers, whichever is larger: neither a laser that
+    is off as a whole nor a noisy one is made to look like the others.
+
+    Raises
+    ------
+    SurveyError
+        If too few points or lasers are left.
+    """
+    keep = steep = np.ones(len(rows), dtype=bool)
+    _, laser = np.unique(cloud.laser_id[rows], return_inverse=True)
+    for _ in range(ROUNDS):
+        _check_size(cloud, rows[keep], search)
+        plane = fit_plane(cloud.xyz[rows[keep]]).plane
+        steep = cloud.incidence(rows, plane) <= search.incidence_rad
+        used = keep & steep
+        s = cloud.s(rows, plane)
+        centre = _medians(s, laser, used)[laser]
+        size = np.where(np.isfinite(centre), np.abs(s - centre), np.inf)
+        own = _medians(size, laser, used)[laser]
+        common = _medians(size, np.zeros_like(laser), used)[0]
+        # Never finer than half a tick: noise-free medians would trim themselves away.
+        sigma = np.maximum(STD_PER_MAD * np.fmax(own, common), cloud.tick_m / 2)
+        changed = steep & np.isfinite(size) & (size <= TRIM_AT * sigma)
+        if np.array_equal(changed, keep):
+            break
+        keep = changed
+    chosen = rows[keep]
+    _check_size(cloud, chosen, search)
+    fit = fit_plane(cloud.xyz[chosen])
+    return FieldPlane(
+        name,
+        fit,
+        chosen,
+        cloud.s(chosen, fit.plane),
+        trimmed=int(np.count_nonzero(steep & ~keep)),
+        range_m=float(np.mean(cloud.distance_m[chosen])),
+        incidence_rad=float(np.mean(cloud.incidence(chosen, fit.plane))),
+    )
+
+
+def _check_size(cloud: Cloud, rows: Rows, search: Search) -> None:
+    lasers = len(np.unique(cloud.laser_id[rows]))
+    if len(rows) < search.min_points or lasers < search.min_lasers:
+        raise SurveyError(
+            f"{len(rows)} points of {lasers} lasers",
+            allowed=f"{search.min_points} points of {search.min_lasers} lasers, or more",
+        )
+
+
+def _medians(values: Array, group: Rows, chosen: NDArray[np.bool_]) -> Array:
+    """Median of the chosen values of each group; NaN for a group without any."""
+    medians = np.full(int(group.max(initial=0)) + 1, np.nan)
+    order = np.lexsort((values[chosen], group[chosen]))
+    ordered = values[chosen][order]
+    present, begin, count = np.unique(group[chosen][order], return_index=True, return_counts=True)
+    below, above = ordered[begin + (count - 1) // 2], ordered[begin + count // 2]
+    medians[present] = 0.5 * (below + above)
+    return medians
+
+
+def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, NDArray[Any]]:
+    """Statistics of s on a plane, one element per laser that sees it, in cm and per cent.
+
+    Parameters
+    ----------
+    plane : FieldPlane
+    cloud : Cloud
+        The points that it was fitted in.
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+    """
+    laser_id, n_lasers = cloud.laser_id[plane.rows], len(cloud.parameters)
+    columns = statistics_table({}, {plane.name: plane.s}, laser_id, n_lasers, sigma_m)
+    columns["plane"] = columns.pop("calibration")
+    seen = columns["count"] > 0
+    return {name: column[seen] for name, column in columns.items()}
+
+
+def plane_row(
+    plane: FieldPlane,
+    lasers: Mapping[str, NDArray[Any]],
+    medians: Mapping[str, NDArray[Any]],
+    tick_m: float,
+) -> dict[str, Any]:
+    """Row of the table of planes, in metres, degrees and centimetres.
+
+    Parameters
+    ----------
+    plane : FieldPlane
+    lasers : mapping of str to ndarray
+        What `laser_columns` gave for it.
+    medians : mapping of str to ndarray
+        Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
+    tick_m : float
+        One raw tick.
+    """
+    summary = summary_row(lasers)
+    often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]
+    spread = medians["spread"][often] * tick_m * 1e2
+    return {
+        "plane": plane.name,
+        "points": len(plane.rows),
+        "trimmed": plane.trimmed,
+        "lasers": summary["lasers"],
+        "range_m": plane.range_m,
+        "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
+        "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
+        "std_cm": summary["std_cm"],
+        "mean_std_cm": summary["mean_std_cm"],
+        "pooled_rms_cm": summary["pooled_rms_cm"],
+        "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
+        "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,
+        "flatness_max_cm": plane.fit.flatness_max_m * 1e2,
+    }
+
+
+def geometry(plane: Plane) -> dict[str, Any]:
+    """Where a plane is, scanner frame, for JSON."""
+    return {
+        "normal": plane.normal,
+        "offset_m": plane.offset,
+        "abc_per_m": plane.general_form() if abs(plane.offset) > 1e-6 else None,
+        "covariance": plane.covariance,
+    }
+
+
+def tabulate(
+    planes: Sequence[FieldPlane],
+    cloud: Cloud,
+    medians: Mapping[str, NDArray[Any]],
+    heading: Mapping[str, str],
+    sigma_m: float,
+) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """Everything that is reported of planes.
+
+    Parameters
+    ----------
+    planes : sequence of FieldPlane
+    cloud : Cloud
+        The points that they were fitted in.
+    medians : mapping of str to ndarray
+        Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
+    heading : mapping of str to str
+        Columns that are the same in every row of the table of lasers.
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+
+    Returns
+    -------
+    rows : list of dict
+        `plane_row` and `geometry` of every plane.
+    lasers : dict of str to ndarray
+        `laser_columns` of all planes below each other.
+    """
+    parts = [laser_columns(plane, cloud, sigma_m) for plane in planes]
+    rows = [
+        plane_row(plane, part, medians, cloud.tick_m) | geometry(plane.fit.plane)
+        for plane, part in zip(planes, parts, strict=True)
+    ]
+    names = ("plane", "laser_id", "count", *LASER_COLUMNS)
+    table = {
+        name: np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
+        for name in names
+    }
+    same = {name: np.full(len(table["plane"]), value) for name, value in heading.items()}
+    return rows, same | table

@@ -1,0 +1,1 @@
+"""Geometry in plain NumPy: rigid transformations, planes, patches of planes."""

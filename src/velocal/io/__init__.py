@@ -1,0 +1,1 @@
+"""Files of our own: atomic writing, Parquet schemas, digests."""

@@ -1,0 +1,1 @@
+"""Bytes of one payload: data blocks and status bytes."""

@@ -1,0 +1,232 @@
+"""The whole study in memory, for many seeds: the same functions as the workflow, fewer rotations.
+
+Recordings still go through their bytes, in a file that is removed again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from velocal.adjustment import settings, tabulate
+from velocal.adjustment.average import average
+from velocal.adjustment.lasers import adjust_all
+from velocal.evaluation.statistics import statistics_table
+from velocal.io import schemas, storage
+from velocal.paper import printed as published
+from velocal.paper import statements, tables
+from velocal.recording.returns import write_returns
+from velocal.recording.scan import inspect
+from velocal.recording.windows import window_rotations
+from velocal.reduction.assignment import Gates
+from velocal.reduction.medians import cell_medians
+from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.scanner.models import SCANNERS, Scanner
+from velocal.scanner.parameters import ParameterSet
+from velocal.simulation import capture
+from velocal.simulation.survey import field_book
+from velocal.simulation.truth import factory_parameters
+from velocal.simulation.world import World
+from velocal.study.config import Sample, Study
+from velocal.survey.network.survey import Survey, adjust_field_book
+from velocal.survey.station import (
+    Station,
+    adjust_station,
+    as_dict,
+    observations,
+    plane_covariances,
+    uncertainty_of,
+)
+
+Columns = dict[str, NDArray[Any]]
+
+
+def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
+    """Statistics of every laser, before and after, as the workflow's `statistics/lasers.csv`.
+
+    Parameters
+    ----------
+    world : World
+        Its seed is the replica's.
+    study : Study
+        Samples, parameter sets and settings.
+    rotations : int
+        Rotations of a window; the configuration's are not used.
+    """
+    parts: list[pd.DataFrame] = []
+    survey = adjust_field_book(field_book(world))
+    for scanner in study.scanners:
+        parts += _of_scanner(world, study, survey, scanner, rotations)
+    return pd.concat(parts, ignore_index=True)
+
+
+def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
+    """Cells of the tables and the statements that follow from them, beside the printed ones."""
+    summary = tables.summarised(lasers(world, study, rotations))
+    shown = pd.concat(
+        tables.formatted(tables.build(number, selection, summary, simulated=True).frame)
+        for number, selection in study.config["tables"].items()
+    )
+    found = statements.of_tables(published.sources_of(summary, shown))
+    return pd.concat(
+        [published.agreement(summary, shown), statements.agreement(found, partial=True)],
+        ignore_index=True,
+    )
+
+
+def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
+    """Mean and standard deviation of every cell over seeds, beside the printed one.
+
+    Parameters
+    ----------
+    replicas : mapping of int to DataFrame
+        By seed, as `agreement` gives them.
+
+    Returns
+    -------
+    DataFrame
+        Columns item, paper, mean, std, minimum, maximum, seeds, difference (of the mean),
+        tolerance (of the mean), within.
+    """
+    values = pd.DataFrame({s: each.set_index("item")["reproduced"] for s, each in replicas.items()})
+    first = next(iter(replicas.values())).set_index("item").loc[values.index]
+    tolerance = np.array([statements.tolerances_of_mean()[item] for item in values.index])
+    mean = values.mean(axis=1)
+    difference = (mean - first["paper"]).round(3)
+    return pd.DataFrame(
+        {
+            "item": values.index,
+            "paper": first["paper"].to_numpy(),
+            "mean": mean.round(3).to_numpy(),
+            "std": values.std(axis=1).round(3).to_numpy(),
+            "minimum": values.min(axis=1).to_numpy(),
+            "maximum": values.max(axis=1).to_numpy(),
+            "seeds": values.shape[1],
+            "difference": difference.to_numpy(),
+            "tolerance": tolerance,
+            "within": np.where(difference.abs() <= tolerance, "true", "false"),
+        }
+    )
+
+
+def _of_scanner(
+    world: World, study: Study, survey: Survey, scanner: str, rotations: int
+) -> Iterator[pd.DataFrame]:
+    config, known = study.config, SCANNERS[scanner]
+    factory = factory_parameters(world, scanner)
+    gates = Gates.from_config(config["assignment"]["gates"])
+    sigma_m = config["validation"]["sigma_cm"] * 1e-2
+    settled = study.adjustment(scanner)
+    adjustments: dict[str, list[tabulate.Corrections]] = {}
+    scans = {}
+    at: dict[str, capture.Shots] = {}
+    for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
+        position = str(sample.position)
+        if position not in at:
+            at = {position: capture.shots_at(world, scanner, position)}
+        station = _station(survey, scanner, position, config["assignment"]["planes"])
+        stochastic = settings.stochastic(settled, [uncertainty_of(as_dict(station))])
+        for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
+            heading = {"scanner": scanner, "sample": sample.name, "window": window}
+            medians = _medians(returns, config["reduction"], known)
+            rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
+            data = observations(rows, station.patches)
+            results = adjust_all(
+                data, factory, settled["parameters"], settings.solver(settled), stochastic
+            )
+            columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
+            found = tabulate.read_corrections(columns)
+            adjustments.setdefault(sample.name, []).append(found)
+            s = {
+                "before": data.misclosure(factory),
+                "after": data.misclosure(factory.corrected(found.value)),
+            }
+            yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
+            scan = first_rotations(returns, config["validation"]["rotations"])
+            scans[sample.name, window] = observations(
+                assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
+                station.patches,
+            )
+    sets = _sets(study, scanner, factory, adjustments)
+    for (name, window), data in scans.items():
+        heading = {"scanner": scanner, "sample": name, "window": window}
+        s = {kind: data.misclosure(parameters) for kind, parameters in sets.items()}
+        yield _table(heading, "validation", s, data.laser_id, known, sigma_m)
+
+
+def _sets(
+    study: Study,
+    scanner: str,
+    factory: ParameterSet,
+    adjustments: dict[str, list[tabulate.Corrections]],
+) -> dict[str, ParameterSet]:
+    weights = study.config["adjustment"].get("average", "equal")
+    sets = {"before": factory}
+    for name, samples in study.parameter_sets[scanner].items():
+        chosen = average([adjustments[sample] for sample in samples], weights)
+        sets[name] = factory.corrected({key: each.mean for key, each in chosen.items()})
+    return sets
+
+
+def _table(
+    heading: dict[str, str],
+    data: str,
+    s: dict[str, NDArray[np.float64]],
+    laser_id: NDArray[np.integer],
+    known: Scanner,
+    sigma_m: float,
+) -> pd.DataFrame:
+    columns = statistics_table(heading | {"data": data}, s, laser_id, known.n_lasers, sigma_m)
+    return pd.DataFrame(columns)
+
+
+def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
+    """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
+    reduced = cell_medians(
+        returns["azimuth"],
+        returns["laser_id"],
+        returns["distance"],
+        lasers_per_firing=known.lasers_per_firing,
+        cell_ticks=known.cell(reduction["cell_deg"].get(known.name)),
+        min_count=1,
+    )
+    return asdict(reduced)
+
+
+def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
+    base = survey.readings[scanner].targets
+    return adjust_station(
+        survey.planes,
+        base,
+        survey.base_field[position],
+        planes,
+        covariances=plane_covariances(survey.planes),
+        where="replica",
+    )
+
+
+def _windows(
+    world: World, sample: Sample, known: Scanner, rotations: int, shots: capture.Shots
+) -> Iterator[tuple[str, Columns, float]]:
+    """Returns of every window and the rotation rate, decoded from a recording."""
+    with TemporaryDirectory() as folder:
+        recording, returns = Path(folder) / "recording.bin", Path(folder) / "returns.parquet"
+        # Some rotations lie between the windows, as in the study's recordings.
+        length = 3 * rotations + rotations // 3 + 2
+        blocks = capture.records(
+            world, known.name, str(sample.position), sample.name, length, shots=shots
+        )
+        storage.write_blocks(recording, blocks)
+        index = inspect(recording).index
+        for window in sample.windows:
+            chosen = window_rotations(index, window, rotations, sample.name)
+            write_returns(recording, index, chosen, known, returns)
+            columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
+            yield window, columns, facts["rotation_rate_hz"]

@@ -1,0 +1,123 @@
+"""What a calibration changes, seen: a plan of the points, and a flat surface before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from velocal.evaluation.plane_search import find_planes
+from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
+from velocal.geometry.planes import fit_plane
+from velocal.reporting.figures.lasers import style
+from velocal.scanner.parameters import ParameterSet
+
+Array = NDArray[np.float64]
+
+#: Flat surfaces among which the one to be shown is looked for.
+SEARCH = Search(planes=4, distance_m=0.15, extent_m=8.0, min_points=300, incidence_rad=1.2, seed=1)
+#: Points that are used and drawn, at most.
+POINTS = 40_000
+#: Half height of the panels of the surface, in standard deviations before.
+HALF_HEIGHT = 4.0
+
+
+def surface(after: Cloud) -> FieldPlane | None:
+    """The flat surface that most lasers see, so that they can be compared; None without any."""
+    planes, _ = find_planes(after, SEARCH)
+    return max(planes, key=lambda plane: len(np.unique(after.laser_id[plane.rows])), default=None)
+
+
+def before_and_after(
+    distance_m: Array,
+    phi: Array,
+    laser_id: NDArray[np.integer],
+    calibrations: Sequence[ParameterSet],
+    labels: Sequence[str],
+    title: str,
+) -> Figure:
+    """Draw the points of two calibrations.
+
+    Parameters
+    ----------
+    distance_m, phi : ndarray, shape (n,)
+        Raw distance, metres, and rotational angle, radians.
+    laser_id : ndarray of int, shape (n,)
+    calibrations : sequence of two ParameterSet
+        Before and after.
+    labels : sequence of two str
+        What they are called.
+    title : str
+    """
+    # At random: every so many-th would be the same lasers.
+    rng = np.random.default_rng(SEARCH.seed)
+    n = len(distance_m)
+    few = np.sort(rng.choice(n, size=min(n, POINTS), replace=False))
+    clouds = [Cloud.of(distance_m[few], phi[few], laser_id[few], each) for each in calibrations]
+    found = surface(clouds[1])
+    with style():
+        figure = Figure(figsize=(9.0, 4.6))
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
+        plan = figure.add_subplot(grid[:, 0])
+        _plan(figure, plan, clouds[0].xyz, clouds[1].xyz)
+        if found is not None:
+            of_plane = clouds[1].xyz[found.rows]
+            plan.plot(of_plane[:, 0], of_plane[:, 1], ",", color="#D55E00", rasterized=True)
+            _surface(
+                figure, [figure.add_subplot(grid[k, 1]) for k in (0, 1)], clouds, found, labels
+            )
+        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
+    return figure
+
+
+def _plan(figure: Figure, ax: Axes, before: Array, after: Array) -> None:
+    """Points from above, coloured by how far they moved."""
+    moved = np.linalg.norm(after - before, axis=1) * 100.0
+    dots = ax.scatter(
+        after[:, 0], after[:, 1], c=moved, s=0.3, linewidths=0.0, cmap="viridis", vmin=0.0,
+        vmax=max(float(np.percentile(moved, 98)), 0.1), rasterized=True,
+    )  # fmt: skip
+    low, high = np.percentile(after[:, :2], [2, 98], axis=0)
+    middle, half = 0.5 * (low + high), 0.56 * float(np.max(high - low))
+    ax.set_xlim(middle[0] - half, middle[0] + half)
+    ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.plot(0.0, 0.0, "+", color="black", markersize=9, markeredgewidth=1.2)
+    ax.set_aspect("equal")
+    ax.set_title("from above; orange: the surface beside")
+    ax.set_xlabel("X [m]")
+    ax.set_ylabel("Y [m]")
+    bar = figure.colorbar(dots, ax=ax, location="bottom", shrink=0.8, pad=0.02)
+    bar.set_label("moved by [cm]")
+
+
+def _surface(
+    figure: Figure,
+    axes: Sequence[Axes],
+    clouds: Sequence[Cloud],
+    found: FieldPlane,
+    labels: Sequence[str],
+) -> None:
+    """The same returns edge-on, about the plane that fits them best with each calibration."""
+    fits = [fit_plane(cloud.xyz[found.rows]) for cloud in clouds]
+    half_cm = 100.0 * HALF_HEIGHT * float(np.std(fits[0].residuals))
+    # Along the surface: across the normal, level where the surface is upright.
+    normal = found.fit.plane.normal
+    along = np.array([normal[1], -normal[0], 0.0])
+    if np.linalg.norm(along) < 0.3:
+        along = np.array([1.0, 0.0, 0.0])
+    along /= np.linalg.norm(along)
+    for ax, cloud, fit, label in zip(axes, clouds, fits, labels, strict=True):
+        dots = ax.scatter(
+            cloud.xyz[found.rows] @ along, 100.0 * fit.residuals, c=cloud.laser_id[found.rows] + 1,
+            s=0.8, linewidths=0.0, cmap="turbo", rasterized=True,
+        )  # fmt: skip
+        ax.set_ylim(-half_cm, half_cm)
+        ax.set_ylabel("off the plane [cm]")
+        ax.set_title(f"{label}: standard deviation {100 * np.std(fit.residuals):.2f} cm")
+    axes[0].sharex(axes[1])
+    axes[0].tick_params(labelbottom=False)
+    axes[1].set_xlabel("along the surface [m]")
+    figure.colorbar(dots, ax=list(axes), label="laser", pad=0.02)

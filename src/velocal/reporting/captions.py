@@ -1,0 +1,69 @@
+"""What the figures show, in a sentence or two for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from velocal.evaluation.interior_map import STATES
+from velocal.reporting.figures.lasers import TITLES
+from velocal.reporting.figures.plan import MEDIANS
+
+
+def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
+    """What a figure shows, in one or two sentences.
+
+    Parameters
+    ----------
+    selection : mapping
+        Entry of the configuration.
+    numbers : DataFrame
+        Those of the figure, see `figures.per_laser`, `figures.histogram`, `plan_figure.plan` and
+        `map_figure.section_table`.
+    """
+    if selection["kind"] == "map":
+        return _map_caption(selection, numbers)
+    if selection["kind"] == "plan":
+        views = numbers[["position", "sample"]].drop_duplicates().itertuples(index=False)
+        places = ", ".join(f"{position} (sample {sample})" for position, sample in views)
+        return (
+            f"Test field in plan with the medians that the {selection['scanner']} measured from "
+            f"{places}, in the frame of the field by the surveyed pose, factory parameters, middle "
+            f"window. Every n-th median is drawn, {MEDIANS} at most of each plane."
+        )
+    samples = ", ".join(map(str, selection["samples"]))
+    of_what = f"{selection['scanner']}, {selection['data']} data, samples {samples}"
+    if selection["kind"] == "histogram":
+        return (
+            f"Residuals s of laser {selection['laser']} before and after calibration ({of_what}; "
+            "all windows together, same bins and axes)."
+        )
+    after = numbers.loc[numbers["calibration"] == "after", "parameters"].iloc[0]
+    with_what = (
+        "the parameters adjusted on each window itself"
+        if after == "adjusted"
+        else f"parameter set {after}, that of least mean standard deviation over these samples"
+    )
+    what = TITLES[str(selection["kind"])]
+    about = "Root mean square about zero" if selection["kind"] == "std" else "Of all residuals"
+    return (
+        f"{what[0].upper()}{what[1:]} per laser before and after calibration ({of_what}). "
+        f"{about}; windows count by their number of residuals. After: {with_what}."
+    )
+
+
+def _map_caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
+    name = next(iter(selection["sections"])).replace("_", " ")
+    before, after = (
+        float(np.sqrt(np.mean(numbers[f"across_{state}_cm"] ** 2))) for state in STATES
+    )
+    return (
+        f"Interior mapped by the {selection['scanner']} with parameter set {selection['set']}, one "
+        f"rotation per position, poses by survey. Below, the same {len(numbers)} returns of the "
+        f"wall {name} with the factory's parameters and with {selection['set']}, from the straight "
+        f"line fitted to each: root mean square {before:.2f} and {after:.2f} cm. The points are in "
+        "map/points.parquet."
+    )

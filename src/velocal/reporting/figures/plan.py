@@ -1,0 +1,241 @@
+"""Plan of the test field with what was measured from each position, and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
+
+from velocal.geometry.planes import Patch
+from velocal.geometry.rigid import RigidTransformation
+from velocal.reduction.assignment import NO_PLANE, Gates, assign
+from velocal.reporting.figures.lasers import COLOURS, DARK, GREY, finish, style
+from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
+from velocal.scanner.models import Scanner
+from velocal.scanner.parameters import ParameterSet
+from velocal.survey.targets import Targets
+
+Array = NDArray[np.float64]
+
+#: What a row of the numbers is, besides the name of a plane for a median on it.
+OTHER, TARGET, OUTLINE, SCANNER, AHEAD = "other", "target", "outline", "scanner", "ahead"
+
+#: Medians that are drawn of each plane and off the planes, at most.
+MEDIANS = 3000
+#: Medians off the planes are drawn from this height over the lowest corner of the planes, metres:
+#: floor that nobody surveyed would hide the plan.
+_FLOOR_M = 0.1
+#: A plane is a wall if its normal rises by less than this.
+_UPRIGHT = 0.5
+_WALL_M = 0.2  # drawn thickness
+_ARROW_M = 0.9
+_MARGIN_M = 0.3
+
+
+@dataclass(frozen=True)
+class View:
+    """What was measured from a position.
+
+    Attributes
+    ----------
+    position, sample : str
+    scanner : Scanner
+    rotation_rate_hz : float
+    medians : mapping of str to ndarray
+        Columns of `schemas.MEDIANS` of a window.
+    parameters : ParameterSet
+        The factory's.
+    patches : sequence of Patch
+        Surveyed planes in the scanner frame.
+    pose : RigidTransformation
+        ``T_scanner_field`` of the survey.
+    """
+
+    position: str
+    sample: str
+    scanner: Scanner
+    rotation_rate_hz: float
+    medians: Mapping[str, NDArray[Any]]
+    parameters: ParameterSet
+    patches: list[Patch]
+    pose: RigidTransformation
+
+
+def plan(view: View, targets: Targets, gates: Gates) -> pd.DataFrame:
+    """Numbers of one panel, all in the field frame.
+
+    Parameters
+    ----------
+    view : View
+    targets : Targets
+        Of the planes, field frame.
+    gates : Gates
+        Limits of the assignment, as in the study.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``position``, ``sample``, ``kind``, ``plane`` (empty for what is on none),
+        ``x_m``, ``y_m``, ``z_m`` (to a millimetre), ``drawn_of`` (medians of that kind; every
+        n-th is kept so that `MEDIANS` at most are left). A kind is ``median``, ``other`` (a
+        median on no plane), ``target``, ``outline`` (corners of a plane in order), ``scanner``
+        or ``ahead`` (a point on the scanner's Y axis).
+    """
+    to_field = view.pose.inverse()
+    laser = view.medians["laser_id"]
+    phi = angle_from_ticks(
+        view.medians["azimuth"], laser, view.scanner, 2.0 * np.pi * view.rotation_rate_hz
+    )
+    distance = distance_from_ticks(view.medians["distance"], view.scanner.distance_tick_m)
+    plane = assign(distance, phi, laser, view.parameters, view.patches, gates)
+    xyz = to_field.apply(points(distance, phi, laser, view.parameters))
+    corners = [to_field.apply(patch.corners) for patch in view.patches]
+    height = np.concatenate(corners)[:, 2]
+    inside = (xyz[:, 2] > height.min() + _FLOOR_M) & (xyz[:, 2] < height.max())
+
+    def parts() -> Iterator[tuple[str, str, Array, int]]:
+        rows = np.flatnonzero((plane == NO_PLANE) & inside)
+        yield OTHER, "", xyz[_thinned(rows)], len(rows)
+        for index, patch in enumerate(view.patches):
+            rows = np.flatnonzero(plane == index)
+            yield "median", patch.name, xyz[_thinned(rows)], len(rows)
+            yield OUTLINE, patch.name, corners[index], 0
+            group = np.array(targets.group) == patch.name
+            yield TARGET, patch.name, targets.xyz[group], 0
+        origin = to_field.apply(np.array([[0.0, 0.0, 0.0], [0.0, _ARROW_M, 0.0]]))
+        yield SCANNER, "", origin[:1], 0
+        yield AHEAD, "", origin[1:], 0
+
+    frames = [
+        pd.DataFrame(
+            {
+                "position": view.position,
+                "sample": view.sample,
+                "kind": kind,
+                "plane": name,
+                **{
+                    f"{axis}_m": np.round(where[:, column], 3) + 0.0
+                    for column, axis in enumerate("xyz")
+                },
+                "drawn_of": total or len(where),
+            }
+        )
+        for kind, name, where, total in parts()
+    ]
+    return pd.concat(frames, ignore_index=True)
+
+
+def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    return rows[:: -(-len(rows) // MEDIANS) or 1]
+
+
+def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated: bool) -> Figure:
+    """Draw the numbers of `plan`, one panel per position with the same axes.
+
+    Parameters
+    ----------
+    numbers : DataFrame
+        Of all positions, one after the other.
+    selection : mapping
+        Entry of the configuration.
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+    """
+    positions = list(dict.fromkeys(numbers["position"]))
+    seen = numbers[["x_m", "y_m"]].to_numpy()
+    low, high = (np.quantile(seen, share, axis=0) for share in (0.001, 0.999))
+    low, high = low - _MARGIN_M, high + _MARGIN_M
+    shape = (high[1] - low[1]) / (high[0] - low[0])
+    with style():
+        figure = Figure(figsize=(7.0, 1.1 + 6.4 / len(positions) * shape))
+        axes = figure.subplots(1, len(positions), sharex=True, sharey=True, squeeze=False)[0]
+        for ax, position in zip(axes, positions, strict=True):
+            _panel(ax, numbers[numbers["position"] == position])
+            ax.set_xlim(low[0], high[0])
+            ax.set_ylim(low[1], high[1])
+            ax.set_aspect("equal")
+            ax.xaxis.set_major_locator(MultipleLocator(2))
+            ax.yaxis.set_major_locator(MultipleLocator(2))
+            ax.grid(visible=True, axis="both")
+            ax.set_xlabel("X [m]")
+        axes[0].set_ylabel("Y [m]")
+        finish(
+            figure, axes[0],
+            f"{selection['scanner']}: test field in plan, medians measured from each position",
+            simulated, ncols=4,
+        )  # fmt: skip
+    return figure
+
+
+def _panel(ax: Axes, rows: pd.DataFrame) -> None:
+    """One position."""
+
+    def of(kind: str, plane: str | None = None) -> Array:
+        chosen = rows["kind"] == kind
+        if plane is not None:
+            chosen &= rows["plane"] == plane
+        return rows.loc[chosen, ["x_m", "y_m", "z_m"]].to_numpy()
+
+    def dots(xyz: Array, colour: str, label: str) -> None:
+        ax.plot(
+            xyz[:, 0], xyz[:, 1], ".", markersize=1.6, markeredgewidth=0.0, color=colour,
+            rasterized=True, zorder=2.0,
+        )  # fmt: skip
+        ax.plot([], [], "o", markersize=3.5, color=colour, label=label)
+
+    scanner, ahead = of(SCANNER)[0, :2], of(AHEAD)[0, :2]
+    names = [name for name in dict.fromkeys(rows["plane"]) if name]
+    for name, colour in zip(names, COLOURS, strict=False):
+        dots(of("median", name), colour, f"on {name.replace('_', ' ')}")
+    dots(of(OTHER), "#A8A8A8", "on no plane")
+    for name in names:
+        corners = of(OUTLINE, name)
+        normal = np.linalg.svd(corners - corners.mean(axis=0))[2][2]
+        if abs(normal[2]) < _UPRIGHT:
+            _wall(ax, name, corners, normal[:2], scanner)
+        else:
+            ring = np.vstack([corners, corners[:1]])
+            ax.plot(ring[:, 0], ring[:, 1], color=DARK, linewidth=0.8, linestyle=(0, (4, 2)),
+                    label=f"hull of targets on {name}", zorder=3.0)  # fmt: skip
+            targets = of(TARGET, name)
+            ax.plot(targets[:, 0], targets[:, 1], "+", color=DARK, markersize=3.2,
+                    markeredgewidth=0.6, label=f"target on {name}", zorder=3.0)  # fmt: skip
+    ax.annotate(
+        "", tuple(ahead), tuple(scanner), zorder=4.0,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.1},
+    )  # fmt: skip
+    ax.plot(
+        *scanner, "o", color="black", markersize=4.5, label="scanner and its Y axis", zorder=4.0
+    )
+    position, sample = rows["position"].iloc[0], rows["sample"].iloc[0]
+    medians = rows[rows["kind"] == "median"].drop_duplicates("plane")["drawn_of"].sum()
+    count = f"{medians:,}".replace(",", "\u2009")
+    ax.set_title(f"{position} ({sample}): {count} medians on planes", fontweight="normal")
+
+
+def _wall(ax: Axes, name: str, corners: Array, normal: Array, scanner: Array) -> None:
+    """A wall as a bar behind its surface, seen from the scanner."""
+    flat = corners[:, :2]
+    normal = normal / np.linalg.norm(normal)
+    normal = normal * np.sign((flat.mean(axis=0) - scanner) @ normal)
+    along = np.array([-normal[1], normal[0]])
+    reach = flat @ along
+    ends = flat[[np.argmin(reach), np.argmax(reach)]]
+    ax.fill(
+        *np.vstack([ends, ends[::-1] + _WALL_M * normal]).T, color=GREY, linewidth=0, zorder=1.5
+    )
+    x, y = ends.mean(axis=0) + 1.5 * _WALL_M * normal
+    upright = abs(along[1]) > abs(along[0])
+    ax.text(
+        x, y, name.replace("_", " "), fontsize=7.5,
+        rotation=90 if upright else 0, color=DARK, zorder=4.0,
+        ha="center" if not upright else "right" if normal[0] < 0 else "left",
+        va="center" if upright else "top" if normal[1] < 0 else "bottom",
+    )  # fmt: skip

@@ -1,0 +1,346 @@
+"""The report: everything a study has found on one page of HTML that needs no network.
+
+Every section is optional: a study without a survey has ledgers and field samples only. The page
+holds no time and no path of the machine, so that identical results give identical bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import pandas as pd
+
+from velocal.calibration.files import formats
+from velocal.io import provenance, storage
+from velocal.paper import agreement_section
+from velocal.paper.printed import CONTRADICTIONS, READING, TOLERANCES, printed_rows
+from velocal.paper.tables import DECIMALS, ROMAN, build, formatted
+from velocal.reporting.captions import caption
+from velocal.reporting.figures import methods as comparison
+from velocal.reporting.figures import panels as outdoor_figure
+from velocal.scanner.models import scanner_named
+from velocal.scanner.parameters import PARAMETERS, UNITS, ParameterSet
+
+DATA = Path(__file__).parent
+
+#: Headings of the quantities of the tables.
+QUANTITIES = {
+    "std_cm": "Std [cm]",
+    "within_1sigma_pct": "Within 1σ [%]",
+    "within_3sigma_pct": "Within 3σ [%]",
+}
+
+#: Unit for people, factor to it and decimals, by unit.
+_SHOWN = {"m": ("cm", 100.0, 3), "rad": ("deg", 180.0 / np.pi, 4)}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the study.
+
+    Attributes
+    ----------
+    number : str
+        As in the file's name.
+    selection : mapping
+        Entry of the configuration.
+    numbers : DataFrame
+        What is plotted.
+    png : bytes
+        Picture.
+    """
+
+    number: str
+    selection: Mapping[str, Any]
+    numbers: pd.DataFrame
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study has found; whatever is empty has no section.
+
+    Attributes
+    ----------
+    title : str
+    simulated : bool
+        Whether the surveyed recordings are simulated.
+    ledgers : mapping of str to mapping
+        Ledger and rotations of every recording, by sample.
+    tables : mapping of str to mapping
+        Entries of the configuration, by Arabic number.
+    summary, agreement : DataFrame or None
+        Statistics of all windows; every printed cell with the reproduced one.
+    figures : sequence of Figure
+    surveys : sequence of mapping
+        Pose and planes of every position, as `station.as_dict` with ``position``, ``scanner``.
+    sets : mapping of str to mapping
+        Columns of the parameter sets, by scanner and name.
+    factories : mapping of str to ParameterSet
+        The factory's parameters, by scanner.
+    field_table : DataFrame or None
+        Planes of the recordings without a survey.
+    field_pictures : mapping of str to bytes
+        PNG by field sample.
+    methods : tuple
+        Numbers of the comparison of methods, or None, and its picture.
+    outdoor : tuple
+        Means of the outdoor validation, or None, and its figures by number.
+    """
+
+    title: str
+    simulated: bool
+    ledgers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    summary: pd.DataFrame | None = None
+    agreement: pd.DataFrame | None = None
+    figures: Sequence[Figure] = ()
+    surveys: Sequence[Mapping[str, Any]] = ()
+    sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    factories: Mapping[str, ParameterSet] = field(default_factory=dict)
+    field_table: pd.DataFrame | None = None
+    field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
+    outdoor: tuple[pd.DataFrame | None, Mapping[str, bytes]] = field(
+        default_factory=lambda: (None, {})
+    )
+
+
+def read(
+    files: Mapping[str, Sequence[Path]],
+    *,
+    title: str,
+    simulated: bool,
+    tables: Mapping[str, Mapping[str, Any]],
+    figures: Mapping[str, Mapping[str, Any]],
+    factories: Mapping[str, str],
+) -> Study:
+    """Read what a study has found.
+
+    Parameters
+    ----------
+    files : mapping of str to sequence of Path
+        By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
+        ``field``, ``methods``, ``outdoor`` (means first). A kind may be missing or empty.
+    title, simulated
+        As in `Study`.
+    tables, figures : mapping of str to mapping
+        Entries of the configuration, by number.
+    factories : mapping of str to str
+        The factory's calibration file, or "nominal", by scanner.
+
+    Raises
+    ------
+    VelocalError
+        If a file is damaged.
+    """
+
+    def frame(kind: str, suffix: str = ".csv") -> pd.DataFrame | None:
+        path = next((path for path in files.get(kind, ()) if path.suffix == suffix), None)
+        return pd.DataFrame(storage.read_csv(path)) if path else None
+
+    def pictures(kind: str) -> list[Path]:
+        return [path for path in files.get(kind, ()) if path.suffix == ".png"]
+
+    sets: dict[str, dict[str, Any]] = {}
+    for path in files.get("sets", ()):
+        sets.setdefault(path.parent.name, {})[path.stem] = storage.read_csv(path)
+    drawn = {path.stem.removeprefix("figure_"): path for path in pictures("figures")}
+    return Study(
+        title=title,
+        simulated=simulated,
+        ledgers={path.parent.name: storage.read_json(path) for path in files.get("ledgers", ())},
+        tables=tables,
+        summary=frame("summary"),
+        agreement=frame("agreement"),
+        figures=[
+            Figure(
+                number,
+                figures[number],
+                pd.DataFrame(storage.read_csv(path.with_suffix(".csv"))),
+                path.read_bytes(),
+            )
+            for number, path in drawn.items()
+        ],
+        surveys=[storage.read_json(path) for path in files.get("surveys", ())],
+        sets=sets,
+        factories={
+            name: formats.read_or_nominal(
+                None if path == "nominal" else Path(path), scanner_named(name)
+            )
+            for name, path in factories.items()
+        },
+        field_table=frame("field"),
+        field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
+        methods=(frame("methods"), b"".join(path.read_bytes() for path in pictures("methods"))),
+        outdoor=(
+            frame("outdoor"),
+            {path.stem.removeprefix("figure_"): path.read_bytes() for path in pictures("outdoor")},
+        ),
+    )
+
+
+def render(study: Study) -> str:
+    """Write the page.
+
+    Raises
+    ------
+    VelocalError
+        If a table asks for windows that the summary does not have.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(DATA),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["fixed"] = fixed
+    environment.filters["number"] = lambda value: f"{value:.7g}"
+    environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
+    cells = agreement_section.cells(study.agreement)
+    content = {
+        "title": study.title,
+        "simulated": study.simulated,
+        "overview": _overview(study.summary),
+        "agreement": agreement_section.counts(cells),
+        "statements": agreement_section.statements_of(cells),
+        "cells": cells,
+        "contradictions": CONTRADICTIONS,
+        "tables": _tables(study, cells),
+        "figures": [
+            {
+                "number": figure.number,
+                "png": base64.b64encode(figure.png).decode("ascii"),
+                "caption": caption(figure.selection, figure.numbers),
+            }
+            for figure in study.figures
+        ],
+        "surveys": [_survey(survey) for survey in study.surveys],
+        "sets": {
+            scanner: {
+                name: _parameters(columns, study.factories[scanner])
+                for name, columns in sets.items()
+            }
+            for scanner, sets in study.sets.items()
+        },
+        "ledgers": study.ledgers,
+        "methods": comparison.section(*study.methods),
+        "outdoor": outdoor_figure.section(*study.outdoor),
+        "field": _plain(study.field_table),
+        "field_pictures": {
+            sample: base64.b64encode(png).decode("ascii")
+            for sample, png in study.field_pictures.items()
+        },
+        "versions": provenance.versions(),
+        "quantities": QUANTITIES,
+        "tolerances": TOLERANCES,
+    }
+    return environment.get_template("report.html.j2").render(content)
+
+
+def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
+    """Number with fixed decimals and a true minus sign; a dash where there is none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    text = f"{value * factor:.{decimals}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:
+    """Head and rows of any table, as they print."""
+    if table is None or table.empty:
+        return None
+    return {
+        "columns": [str(name).replace("_", " ") for name in table],
+        "numeric": [bool(pd.api.types.is_numeric_dtype(table[name])) for name in table],
+        "rows": [
+            ["–" if pd.isna(cell) else f"{cell:.5g}" if isinstance(cell, float) else cell
+             for cell in row]
+            for row in table.astype(object).to_numpy().tolist()
+        ],
+    }  # fmt: skip
+
+
+def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
+    """Means over samples and windows, one row per scanner, data and calibration."""
+    if summary is None:
+        return []
+    keys = ["scanner", "data", "calibration"]
+    names = [*DECIMALS, "complies_zero", "complies_mean", "lasers"]
+    scanners = list(dict.fromkeys(summary["scanner"]))
+    summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
+    return [
+        {
+            **dict(zip(keys, key, strict=True)),
+            **{name: float(group[name].mean()) for name in names},
+        }
+        for key, group in summary.groupby(keys, sort=False)
+    ]
+
+
+def _tables(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Tables with the paper's numbers beside ours, where there are any."""
+    if study.summary is None:
+        return []
+    printed = {row.key: row for row in printed_rows()} if cells else {}
+    result = []
+    for number, selection in study.tables.items():
+        table = build(number, selection, study.summary, simulated=study.simulated)
+        rows = []
+        for row in formatted(table.frame).to_dict(orient="records"):
+            paper = printed.get((table.number, row["sample"], row["window"], row["calibration"]))
+            rows.append(
+                {
+                    **{str(name): value for name, value in row.items()},
+                    "label": paper.sample if paper and paper.sample != row["sample"] else "",
+                    "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
+                }
+            )
+        result.append(
+            {
+                "number": table.number,
+                "caption": table.caption,
+                "notes": table.notes,
+                "rows": rows,
+                "compared": any(row["paper"] for row in rows),
+                "relabelled": any(key[0] == table.number for key in READING) and bool(cells),
+                "file": f"tables/table_{number}.csv",
+            }
+        )
+    return sorted(result, key=lambda table: list(ROMAN.values()).index(str(table["number"])))
+
+
+def _survey(survey: Mapping[str, Any]) -> dict[str, Any]:
+    """Pose and planes of a position with standard deviations."""
+    covariance = np.array(survey["pose"]["covariance_rad_m"], dtype=float)
+    std = np.sqrt(np.diag(covariance))
+    return {**survey, "rotation_std_rad": std[:3].tolist(), "translation_std_m": std[3:].tolist()}
+
+
+def _parameters(columns: Mapping[str, Any], factory: ParameterSet) -> dict[str, Any]:
+    """Corrections of a parameter set against the factory's, with standard deviations."""
+    adjusted = [name for name in PARAMETERS if f"{name}_std_{UNITS[name]}" in columns]
+    heads, values = [], []
+    for name in adjusted:
+        unit, factor, decimals = _SHOWN[UNITS[name]]
+        heads.append({"name": name, "unit": unit})
+        correction = np.asarray(columns[f"{name}_{UNITS[name]}"]) - getattr(factory, name)
+        std = np.asarray(columns[f"{name}_std_{UNITS[name]}"], dtype=float)
+        values.append(
+            [
+                (fixed(float(c), decimals, factor), fixed(float(s), decimals, factor))
+                for c, s in zip(correction, std, strict=True)
+            ]
+        )
+    lasers = [int(laser_id) + 1 for laser_id in columns["laser_id"]]
+    return {"heads": heads, "rows": list(zip(lasers, zip(*values, strict=True), strict=True))}

@@ -1,0 +1,85 @@
+"""A ready folder for a user's own study, from the templates in `data/study`."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+import jinja2
+
+from velocal.errors import ConfigError
+from velocal.io import storage
+from velocal.scanner.models import Scanner
+
+#: Where the capture and the factory's file are looked for until the sheet says otherwise.
+CAPTURES = "captures"
+FACTORY = "factory.xml"
+
+
+def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) -> list[Path]:
+    """Write the files of a study, none of which may exist.
+
+    Parameters
+    ----------
+    folder : Path
+        Is made where it does not exist.
+    scanner : Scanner
+    positions : int
+        Positions of the scanner, one recording each.
+    workflow : Path
+        Snakefile of the workflow.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    ConfigError
+        If a file exists, or the workflow does not.
+    """
+    if not workflow.is_file():
+        raise ConfigError(
+            f"there is no workflow at {str(workflow)!r}",
+            hint="Name the checkout of velocal with --checkout.",
+        )
+    paired = scanner.paired
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    values = {
+        "workflow": json.dumps(str(workflow.resolve())),
+        "scanner": scanner.name,
+        "cell_deg": scanner.cell_ticks / 100,
+        "samples": [f"sample{number + 1}" for number in range(positions)],
+        "positions": [f"P{number + 1}" for number in range(positions)],
+        # Scanners without a file of their unit are made to the nominal values.
+        "calibration": FACTORY if paired else "nominal",
+        "range_scale": 0.1 if paired else 0.02,
+        "repeatability": 1.2 if paired else 0.13,
+    }
+    texts = {
+        folder / name: environment.from_string(source.read_text("utf-8")).render(values)
+        for name, source in _templates(resources.files("velocal.study") / "data").items()
+    }
+    for path in texts:
+        if path.exists():
+            raise ConfigError(
+                "exists already, nothing was written",
+                where=str(path),
+                hint="Choose another folder, or move the old files away.",
+            )
+    for path, text in texts.items():
+        storage.write_text(path, text)
+    (folder / CAPTURES).mkdir(exist_ok=True)
+    return list(texts)
+
+
+def _templates(folder: Traversable, below: str = "") -> dict[str, Traversable]:
+    """Files of a folder and those below it, by relative path."""
+    found: dict[str, Traversable] = {}
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        path = below + entry.name
+        found |= _templates(entry, path + "/") if entry.is_dir() else {path: entry}
+    return found

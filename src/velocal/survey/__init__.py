@@ -1,0 +1,1 @@
+"""Targets and stations: the pose of the scanner and the planes in its frame."""

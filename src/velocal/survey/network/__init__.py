@@ -1,0 +1,1 @@
+"""Adjustment of a surveyor's raw observations to coordinates of targets (optional)."""

@@ -17,7 +17,7 @@ from velocal.reduction.assignment import Gates
 from velocal.reduction.medians import cell_medians
 from velocal.reduction.scans import assigned_scan
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture, survey, truth, world
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import adjust_station, observations
@@ -35,8 +35,8 @@ class Loop:
     """What came out, and the truth to hold it against."""
 
     observations: Observations
-    factory: ParameterSet
-    true: ParameterSet
+    factory: LaserParameters
+    true: LaserParameters
     adjustments: list[Adjustment]
 
 

@@ -11,14 +11,14 @@ from hypothesis.extra.numpy import arrays
 
 from velocal.calibration.files import decimals, formats
 from velocal.calibration.files.document import CARRIED
-from velocal.scanner.parameters import PARAMETERS, TWO_POINT, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT, LaserParameters
 
 RIGHT_ANGLE = np.pi / 2
 UNITS = [decimals.UNCHANGED, decimals.METRES_PER_CENTIMETRE, decimals.RADIANS_PER_DEGREE]
 
 
 @st.composite
-def parameter_sets(draw: st.DrawFn, flags: bool = True) -> ParameterSet:
+def parameter_sets(draw: st.DrawFn, flags: bool = True) -> LaserParameters:
     n_lasers = draw(st.integers(1, 70))
 
     def column(largest: float) -> np.ndarray:
@@ -29,7 +29,7 @@ def parameter_sets(draw: st.DrawFn, flags: bool = True) -> ParameterSet:
     values = {name: column(1e6) for name in sorted(carried)}
     if flags and draw(st.booleans()):
         values[TWO_POINT] = draw(arrays(np.float64, n_lasers, elements=st.sampled_from([0.0, 1.0])))
-    return ParameterSet(
+    return LaserParameters(
         **{name: column(bounds[name]) for name in PARAMETERS},
         carried=values,
     )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
 from velocal.paper.residual_form import beta, paper_form
 from velocal.scanner.beam import points
-from velocal.scanner.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
 angle = st.floats(-np.pi, np.pi)
 CASES = st.fixed_dictionaries(
@@ -45,7 +45,7 @@ def s_of(case, normal, offset, dtype=float):
 
 def arrays(case):
     one = {name: np.array([case[name]]) for name in PARAMETERS}
-    return np.array([case["l"]]), np.array([case["phi"]]), np.array([0]), ParameterSet(**one)
+    return np.array([case["l"]]), np.array([case["phi"]]), np.array([0]), LaserParameters(**one)
 
 
 @settings(max_examples=3000)
@@ -55,7 +55,7 @@ def test_jacobian_is_the_complex_step(case, direction, offset):
     u = s_of({**case, "l": 1.0, "dl": 0.0, "hoff": 0.0, "voff": 0.0}, normal, 0.0)
     assume(abs(u) > 0)
     l, phi, laser, parameters = arrays(case)  # noqa: E741
-    g = normal @ points(np.ones(1), phi, laser, ParameterSet(
+    g = normal @ points(np.ones(1), phi, laser, LaserParameters(
         *(np.zeros(1) if n in ("dl", "voff", "hoff") else getattr(parameters, n)
           for n in PARAMETERS)))[0]  # fmt: skip
     assume(abs(g) > 0.02)

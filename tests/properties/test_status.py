@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from velocal.errors import CalibrationFileError
 from velocal.packets.status import OPENING, TABLE_PACKETS, StatusReader
-from velocal.scanner.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 
 #: Half of what the wire can tell apart.
@@ -25,7 +25,7 @@ def values(bound: float):
 def sets():
     one = {name: values(1.5 if name in ("v", "alpha") else 30.0) for name in PARAMETERS}
     carried = st.fixed_dictionaries({name: values(30.0) for name in CARRIED})
-    return st.builds(ParameterSet, **one, carried=carried).filter(
+    return st.builds(LaserParameters, **one, carried=carried).filter(
         lambda p: np.ptp(p.v) > np.deg2rad(0.02)
     )
 
@@ -70,7 +70,7 @@ def test_decoding_undoes_encoding(parameters, series, first, chunk):
         np.testing.assert_array_equal(getattr(again, name), getattr(back, name))
 
 
-FIXED = ParameterSet(*(np.linspace(-0.4, 0.4, 64) for _ in PARAMETERS))
+FIXED = LaserParameters(*(np.linspace(-0.4, 0.4, 64) for _ in PARAMETERS))
 SENT = {series: sent(FIXED, series, 3210, 6 * TABLE_PACKETS) for series in ("S2", "S3")}
 RIGHT = {series: read(trailing, 4000).calibration("x") for series, trailing in SENT.items()}
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from velocal.calibration.files import formats
-from velocal.scanner.parameters import PARAMETERS, TWO_POINT, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT, LaserParameters
 
 #: Number of lasers of every real file.
 FILES = {
@@ -31,7 +31,7 @@ KEYS = {
 NEAR_AND_FOCAL = ("dist_correction_x", "dist_correction_y", "focal_distance", "focal_slope")
 
 
-def values(parameters: ParameterSet) -> dict[str, np.ndarray]:
+def values(parameters: LaserParameters) -> dict[str, np.ndarray]:
     known = {name: getattr(parameters, name) for name in PARAMETERS}
     carried = {name: v for name, v in parameters.carried.items() if name != TWO_POINT}
     return known | carried

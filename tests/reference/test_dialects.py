@@ -18,19 +18,19 @@ from velocal.calibration.files.document import Calibration
 from velocal.errors import DialectError
 from velocal.packets import data as packets
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 HDL64E = ("64e_s2.1-sztaki.xml", "64e_s3-xiesc.yaml")
 #: On both sides of every limit, by ticks.
 RAW_M = np.array([0.9, 2.0, 2.4, 3.0, 10.0, 24.998, 25.0, 25.002, 25.038, 25.04, 25.042, 80.0])
 
 
-def some_lasers(rng: np.random.Generator, n: int = 40) -> ParameterSet:
+def some_lasers(rng: np.random.Generator, n: int = 40) -> LaserParameters:
     """Lasers with everything other than zero; some without two-point flag, some with one zero."""
     dl = rng.normal(1.4, 0.05, n)
     x, y = dl + rng.normal(0.0, 0.03, (2, n))
     x[::7], y[::5] = 0.0, 0.0
-    return ParameterSet(
+    return LaserParameters(
         dl=dl,
         alpha=rng.normal(0.0, 0.08, n),
         v=rng.uniform(-0.45, 0.2, n),
@@ -140,7 +140,7 @@ def test_the_distance_of_mrpt_has_a_pole():
 def test_interpolation_within_a_firing_goes_into_alpha_at_one_rate(scanner):
     parameters = replace(some_lasers(np.random.default_rng(8), 64), carried={})
     n, target = SCANNERS[scanner].n_lasers, {"HDL-64E": "velodyne_decoder", "HDL-32E": "ros"}
-    parameters = ParameterSet(*(getattr(parameters, k)[:n] for k in ("dl", "alpha", "v")), *(
+    parameters = LaserParameters(*(getattr(parameters, k)[:n] for k in ("dl", "alpha", "v")), *(
         getattr(parameters, k)[:n] for k in ("voff", "hoff")
     ))  # fmt: skip
     other = DIALECTS[target[scanner]]

@@ -10,7 +10,7 @@ from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, jo
 from velocal.adjustment.solvers import PaperLiteral, PaperModel, System, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError
-from velocal.scanner.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
 RNG = np.random.default_rng(1)
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}
@@ -67,7 +67,7 @@ def test_truncation_holds_what_the_prior_knows_better():
 
 def walls(n=400, noise=0.0):
     """Observations of one laser on two vertical walls, with known parameters."""
-    true = ParameterSet(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
+    true = LaserParameters(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
     phi = RNG.uniform(-0.8, 0.8, n)
     laser = np.zeros(n, dtype=int)
     normal = np.where((phi > 0)[:, None], [0.6, 0.8, 0.0], [-0.6, 0.8, 0.0])

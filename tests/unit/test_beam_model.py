@@ -9,7 +9,7 @@ import pytest
 from velocal.errors import VelocalError
 from velocal.scanner import beam as beam_model
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import PARAMETERS, ParameterSet, nominal
+from velocal.scanner.parameters import PARAMETERS, LaserParameters, nominal
 
 
 def literal_point(l_raw, phi, dl, alpha, v, voff, hoff):
@@ -24,9 +24,9 @@ def literal_point(l_raw, phi, dl, alpha, v, voff, hoff):
     )
 
 
-def random_set(n: int, seed: int) -> ParameterSet:
+def random_set(n: int, seed: int) -> LaserParameters:
     rng = np.random.default_rng(seed)
-    return ParameterSet(
+    return LaserParameters(
         dl=rng.uniform(-0.5, 1.5, n),
         alpha=rng.uniform(-0.2, 0.2, n),
         v=rng.uniform(-0.6, 0.3, n),
@@ -87,7 +87,7 @@ def test_beams_are_those_of_equation_3():
 )
 def test_by_hand(distance, phi_deg, values, expected):
     parameters = replace(
-        ParameterSet(*[np.zeros(1)] * 5), **{name: np.array([v]) for name, v in values.items()}
+        LaserParameters(*[np.zeros(1)] * 5), **{name: np.array([v]) for name, v in values.items()}
     )
     found = beam_model.points(
         np.array([float(distance)]), np.deg2rad([float(phi_deg)]), np.array([0]), parameters
@@ -165,4 +165,4 @@ def test_corrected():
 
 def test_parameters_of_different_lasers_do_not_mix():
     with pytest.raises(VelocalError, match="'voff' has shape"):
-        ParameterSet(*[np.zeros(4)] * 3, np.zeros(3), np.zeros(4))
+        LaserParameters(*[np.zeros(4)] * 3, np.zeros(3), np.zeros(4))

@@ -14,17 +14,17 @@ from velocal.calibration.files import formats
 from velocal.calibration.files import velocal_csv as table
 from velocal.calibration.files.document import Calibration
 from velocal.errors import CalibrationFileError, ConfigError
-from velocal.scanner.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
 N = 3
 
 
-def read(path: Path, n_lasers: int = N) -> ParameterSet:
+def read(path: Path, n_lasers: int = N) -> LaserParameters:
     return formats.read_calibration(path, n_lasers).parameters
 
 
-def made_up(**carried: list[float]) -> ParameterSet:
-    return ParameterSet(
+def made_up(**carried: list[float]) -> LaserParameters:
+    return LaserParameters(
         dl=np.array([1.2, 1.3, -0.0]),
         alpha=np.array([-0.1, 0.0, 0.1]),
         v=np.array([-0.4, 0.01, 0.1]),

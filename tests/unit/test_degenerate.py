@@ -13,7 +13,7 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2), "voff": 0.01, "hoff": 0.01}
@@ -32,11 +32,11 @@ FLOOR, NORTH, SOUTH, EAST = (
 )
 
 
-def laser(v_deg: float) -> ParameterSet:
-    return ParameterSet(*(np.array([x]) for x in (0.05, 0.02, np.deg2rad(v_deg), 0.2, 0.026)))
+def laser(v_deg: float) -> LaserParameters:
+    return LaserParameters(*(np.array([x]) for x in (0.05, 0.02, np.deg2rad(v_deg), 0.2, 0.026)))
 
 
-def observed(true: ParameterSet, parts, noise=NOISE_M) -> Observations:
+def observed(true: LaserParameters, parts, noise=NOISE_M) -> Observations:
     """Beams at angles (degrees) on planes, one pair for each plane."""
     rng = np.random.default_rng(5)
     phi = np.concatenate([np.deg2rad(angles) for _, angles in parts])

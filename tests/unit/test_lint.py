@@ -12,10 +12,10 @@ import yaml
 from velocal.calibration.files import formats
 from velocal.calibration.lint import lint
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import ParameterSet, nominal
+from velocal.scanner.parameters import LaserParameters, nominal
 
 
-def unit(scanner: str = "HDL-64E") -> ParameterSet:
+def unit(scanner: str = "HDL-64E") -> LaserParameters:
     """A unit as it might come from the factory."""
     design, rng = nominal(SCANNERS[scanner]), np.random.default_rng(1)
     if scanner != "HDL-64E":

@@ -16,12 +16,12 @@ from velocal.evaluation import methods
 from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
 STOCHASTIC = Stochastic(0.01, PRIOR)
-FACTORY = ParameterSet(
+FACTORY = LaserParameters(
     dl=np.full(N, 0.1),
     alpha=np.linspace(-0.06, 0.06, N),
     v=np.linspace(-0.42, 0.02, N),

@@ -9,10 +9,10 @@ from velocal.adjustment.lasers import Observations, adjust_laser
 from velocal.adjustment.robust import Robust, huber, igg, snooping
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 NAMES = ("dl", "alpha")
-TRUE = ParameterSet(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
+TRUE = LaserParameters(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
 START = TRUE.corrected({"dl": np.array([-0.06]), "alpha": np.array([0.002])})
 STOCHASTIC = Stochastic(0.01, {"dl": 0.05, "alpha": 0.0035})
 

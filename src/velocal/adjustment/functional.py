@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.scanner.beam import laser_beams
-from velocal.scanner.parameters import PARAMETERS, UNITS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ def misclosure(
     distance_m: Array,
     phi: Array,
     laser_id: NDArray[np.integer],
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     normal: Array,
     offset: Array,
 ) -> Array:
@@ -36,7 +36,7 @@ def misclosure(
     ----------
     distance_m, phi, laser_id : ndarray, shape (n,)
         Raw distance (metres), rotational angle (radians), laser of every return.
-    parameters : ParameterSet
+    parameters : LaserParameters
         Of all lasers.
     normal : ndarray, shape (n, 3)
         Unit normal of the plane that each return hit, scanner frame.
@@ -58,7 +58,7 @@ def design(
     distance_m: Array,
     phi: Array,
     laser_id: NDArray[np.integer],
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     normal: Array,
     offset: Array,
 ) -> tuple[Array, Array]:

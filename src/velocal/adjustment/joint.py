@@ -17,7 +17,7 @@ from velocal.adjustment.lasers import Observations, split
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.scanner.beam import laser_beams
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class _Linearised:
 def adjust_joint(
     observations: Observations,
     group: NDArray[np.integer],
-    initial: ParameterSet,
+    initial: LaserParameters,
     names: Sequence[str],
     stochastic: Stochastic,
     *,
@@ -111,7 +111,7 @@ def adjust_joint(
     group : ndarray of int, shape (n,)
         Plane of every observation, 0, 1, ... over all stations: stations of one set-up share
         their planes, others do not, because their poses are unknown as well.
-    initial : ParameterSet
+    initial : LaserParameters
     names : sequence of str
         Parameters to adjust, out of `functional.ADJUSTABLE`.
     stochastic : Stochastic
@@ -194,7 +194,7 @@ def _normal_equations(
     data: Observations,
     planes: _Planes,
     unknowns: Array,
-    initial: ParameterSet,
+    initial: LaserParameters,
     names: Sequence[str],
     stochastic: Stochastic,
 ) -> _Linearised:

@@ -15,7 +15,7 @@ from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic, block_numbers
 from velocal.scanner.beam import laser_beams
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -72,13 +72,15 @@ class Observations:
         """Observations of one laser."""
         return self.take(self.laser_id == laser)
 
-    def misclosure(self, parameters: ParameterSet, scale: Array | None = None) -> Array:
+    def misclosure(self, parameters: LaserParameters, scale: Array | None = None) -> Array:
         """Distance s along the beam of every observation, metres, shape (n,)."""
         return misclosure(
             self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
         )
 
-    def design(self, parameters: ParameterSet, scale: Array | None = None) -> tuple[Array, Array]:
+    def design(
+        self, parameters: LaserParameters, scale: Array | None = None
+    ) -> tuple[Array, Array]:
         """Misclosures and design matrix; see `functional.design`."""
         s, matrix = design(
             self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
@@ -104,8 +106,8 @@ def joined(stations: Sequence[Observations]) -> Observations:
 
 
 def split(
-    x: Array, names: Sequence[str], initial: ParameterSet
-) -> tuple[ParameterSet, Array | None]:
+    x: Array, names: Sequence[str], initial: LaserParameters
+) -> tuple[LaserParameters, Array | None]:
     """Parameters and range scale out of corrections, shape (lasers, u)."""
     change = dict(zip(names, x.T, strict=True))
     scale = change.pop("scale", None)
@@ -114,7 +116,7 @@ def split(
 
 def adjust_all(
     observations: Observations,
-    initial: ParameterSet,
+    initial: LaserParameters,
     names: Sequence[str],
     solver: Solver,
     stochastic: Stochastic,
@@ -128,7 +130,7 @@ def adjust_all(
     ----------
     observations : Observations
         Of all lasers.
-    initial : ParameterSet
+    initial : LaserParameters
         Where to start.
     names : sequence of str
         Parameters to adjust, out of `functional.ADJUSTABLE`.
@@ -237,7 +239,7 @@ def adjust_all(
 def adjust_laser(
     observations: Observations,
     laser: int,
-    initial: ParameterSet,
+    initial: LaserParameters,
     names: Sequence[str],
     solver: Solver,
     stochastic: Stochastic,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from velocal.calibration.dialects import PAPER, Dialect, dialect_named
 from velocal.errors import DialectError
-from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, ParameterSet
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -21,8 +21,8 @@ RATE_HZ: Final = 10.0
 
 
 def apart(
-    first: tuple[Dialect, ParameterSet],
-    second: tuple[Dialect, ParameterSet],
+    first: tuple[Dialect, LaserParameters],
+    second: tuple[Dialect, LaserParameters],
     ranges_m: tuple[float, ...] = RANGES_M,
     *,
     scanner: str | None = None,
@@ -32,7 +32,7 @@ def apart(
 
     Parameters
     ----------
-    first, second : (Dialect, ParameterSet)
+    first, second : (Dialect, LaserParameters)
     ranges_m : tuple of float
         Ranges corrected by the first's dl; both get the same raw distance.
     scanner : str, optional
@@ -69,7 +69,7 @@ def apart(
 
 
 def obstacles(
-    parameters: ParameterSet, source: Dialect, target: Dialect, scanner: str | None = None
+    parameters: LaserParameters, source: Dialect, target: Dialect, scanner: str | None = None
 ) -> list[str]:
     """What keeps a conversion from being exact; empty where nothing does.
 
@@ -100,14 +100,14 @@ def _lever(dialect: Dialect, v: Array) -> Array:
 
 
 def convert(
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     source: Dialect,
     target: Dialect,
     *,
     scanner: str | None = None,
     rate_hz: float | None = None,
     inexact: bool = False,
-) -> ParameterSet:
+) -> LaserParameters:
     """Numbers with which another program computes the same points.
 
     Offset and distance correction describe the same line in space: with b = 1 or cos v,
@@ -117,7 +117,7 @@ def convert(
 
     Parameters
     ----------
-    parameters : ParameterSet
+    parameters : LaserParameters
         Numbers of the dialect `source`.
     source, target : Dialect
     scanner : str, optional
@@ -166,7 +166,7 @@ def convert(
     return result
 
 
-def exported(parameters: ParameterSet, dialect: str) -> ParameterSet:
+def exported(parameters: LaserParameters, dialect: str) -> LaserParameters:
     """Numbers of a refined set for the program of that name.
 
     The set has one distance correction per laser, found at the ranges of its walls; so readers
@@ -177,9 +177,9 @@ def exported(parameters: ParameterSet, dialect: str) -> ParameterSet:
 
 
 def differences(
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     source: Dialect,
-    result: ParameterSet,
+    result: LaserParameters,
     target: Dialect,
     scanner: str | None = None,
     rate_hz: float = RATE_HZ,

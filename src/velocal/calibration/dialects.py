@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
 from velocal.scanner.models import AZIMUTH_TICK_DEG, SCANNERS
-from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, ParameterSet
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Dialect:
     interpolates: tuple[str, ...] = ()
     rounds: bool = True
 
-    def near(self, parameters: ParameterSet) -> tuple[Array, Array]:
+    def near(self, parameters: LaserParameters) -> tuple[Array, Array]:
         """Near-point corrections along X and Y in effect, by laser; dl where there are none."""
         x, y = (parameters.carried.get(name) for name in NEAR_POINT)
         if self.two_point is None or x is None or y is None:
@@ -129,7 +129,7 @@ class Dialect:
         distance_m: Array,
         azimuth: Array,
         laser_id: NDArray[np.integer],
-        parameters: ParameterSet,
+        parameters: LaserParameters,
     ) -> Array:
         """Points that the program computes, metres, shape (n, 3).
 
@@ -140,7 +140,7 @@ class Dialect:
         azimuth : ndarray, shape (n,)
             Radians; of the firing, or turned on by `azimuths`.
         laser_id : ndarray of int, shape (n,)
-        parameters : ParameterSet
+        parameters : LaserParameters
             Numbers of this dialect.
         """
         v, voff, hoff = (getattr(parameters, name)[laser_id] for name in ("v", "voff", "hoff"))

@@ -28,7 +28,7 @@ from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
 from velocal.recording.scan import Inspection
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 #: Rotations that the picture is made of: enough to show noise, few enough to draw.
 PICTURE_ROTATIONS = 3
@@ -114,7 +114,7 @@ def points(
         _draw(file, inspection, chosen, settings, (before or "", calibration), picture)
 
 
-def _calibration(name: str, scanner: Scanner) -> ParameterSet:
+def _calibration(name: str, scanner: Scanner) -> LaserParameters:
     return formats.read_or_nominal(None if name == "nominal" else Path(name), scanner)
 
 

@@ -13,7 +13,7 @@ from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets, common
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def rows(
     returns: Mapping[str, NDArray[Any]],
     scanner: Scanner,
     rotation_rate_hz: float,
-    calibrations: Sequence[ParameterSet],
+    calibrations: Sequence[LaserParameters],
     pose: RigidTransformation,
 ) -> dict[str, NDArray[Any]]:
     """Points of the returns of a scan, without the shots that brought nothing.
@@ -72,7 +72,7 @@ def rows(
     scanner : Scanner
     rotation_rate_hz : float
         For the angle at which late lasers of a firing fired.
-    calibrations : sequence of ParameterSet
+    calibrations : sequence of LaserParameters
         In the order of `STATES`.
     pose : RigidTransformation
         ``T_map_scanner``.

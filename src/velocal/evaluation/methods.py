@@ -29,7 +29,7 @@ from velocal.adjustment.stochastic import Stochastic
 from velocal.adjustment.tabulate import Corrections
 from velocal.errors import VelocalError
 from velocal.evaluation.statistics import laser_statistics
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -158,14 +158,14 @@ class Estimate:
 
     Attributes
     ----------
-    parameters : ParameterSet
+    parameters : LaserParameters
     scale : ndarray, shape (lasers,), or None
         Range scale per laser.
     unconverged : int
         Lasers whose adjustment did not converge in some window.
     """
 
-    parameters: ParameterSet
+    parameters: LaserParameters
     scale: Array | None = None
     unconverged: int = 0
 
@@ -174,7 +174,7 @@ def run_arm(
     arm: Arm,
     calibration: Sequence[SampleData],
     other: Sequence[SampleData],
-    factory: ParameterSet,
+    factory: LaserParameters,
     stochastic: Stochastic,
 ) -> Estimate:
     """Adjust with one method: mean over the windows, then over the samples.
@@ -186,7 +186,7 @@ def run_arm(
         Samples to calibrate on, and of another position. Methods that adjust positions jointly
         take the same window of all of them together, and every so many-th median of a laser, so
         that they have about as many as the others.
-    factory : ParameterSet
+    factory : LaserParameters
     stochastic : Stochastic
         With a prior for dl, alpha and v.
     """
@@ -231,7 +231,7 @@ def run_arm(
 
 
 def _adjusted(
-    arm: Arm, data: Observations, factory: ParameterSet, stochastic: Stochastic
+    arm: Arm, data: Observations, factory: LaserParameters, stochastic: Stochastic
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Corrections (lasers, u), which lasers have observations, which have converged."""
     seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
@@ -293,7 +293,7 @@ def evaluate(
     calibration: Sequence[SampleData],
     other: Sequence[SampleData],
     sigma_m: float,
-    truth: ParameterSet | None = None,
+    truth: LaserParameters | None = None,
 ) -> dict[str, Any]:
     """Judge what an arm has found.
 
@@ -305,7 +305,7 @@ def evaluate(
         All arms are judged on all planes of them, whatever they were adjusted on.
     sigma_m : float
         Standard deviation of the datasheet, metres.
-    truth : ParameterSet or None
+    truth : LaserParameters or None
         Against which errors are taken, if it is known.
 
     Returns
@@ -351,7 +351,7 @@ def _statistics(data: Observations, estimate: Estimate, sigma_m: float) -> list[
     return [*rms, float(np.mean(np.abs(s) < sigma_m))]
 
 
-def errors(parameters: ParameterSet, truth: ParameterSet) -> Mapping[str, float | int]:
+def errors(parameters: LaserParameters, truth: LaserParameters) -> Mapping[str, float | int]:
     """Root mean square over the lasers of parameters minus truth, and lasers with a wild v."""
     difference = {name: getattr(parameters, name) - getattr(truth, name) for name in _ERRORS}
     row: dict[str, float | int] = {
@@ -365,10 +365,10 @@ def errors(parameters: ParameterSet, truth: ParameterSet) -> Mapping[str, float 
 def compare(
     calibration: Sequence[SampleData],
     other: Sequence[SampleData],
-    factory: ParameterSet,
+    factory: LaserParameters,
     stochastic: Stochastic,
     sigma_m: float,
-    truth: ParameterSet | None = None,
+    truth: LaserParameters | None = None,
 ) -> list[dict[str, Any]]:
     """Run and judge all arms; see `run_arm` and `evaluate`."""
     return [

@@ -18,7 +18,7 @@ from velocal.errors import SurveyError, VelocalError
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search, fit_robustly, patch_points
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def fit_panels(cloud: Cloud, panels: Panels, search: Search, where: str) -> list
 
 
 def panel_rows(
-    cloud: Cloud, planes: Sequence[FieldPlane], candidates: Mapping[str, ParameterSet]
+    cloud: Cloud, planes: Sequence[FieldPlane], candidates: Mapping[str, LaserParameters]
 ) -> list[dict[str, Any]]:
     """How flat every calibration makes every panel.
 
@@ -126,7 +126,7 @@ def panel_rows(
         Points with the factory's parameters.
     planes : sequence of FieldPlane
         What `fit_panels` found in it.
-    candidates : mapping of str to ParameterSet
+    candidates : mapping of str to LaserParameters
         `BEFORE` and the parameter sets.
 
     Returns

@@ -19,7 +19,7 @@ from velocal.evaluation.statistics import statistics_table, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, laser_beams
 from velocal.scanner.models import DISTANCE_TICK_M, Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -46,7 +46,7 @@ class Cloud:
         Raw distance, metres; rotational angle, radians.
     laser_id : ndarray of int, shape (n,)
         Laser of each.
-    parameters : ParameterSet
+    parameters : LaserParameters
         Calibration.
     xyz, direction : ndarray, shape (n, 3)
         Points, metres, and unit directions of their beams, scanner frame.
@@ -57,14 +57,18 @@ class Cloud:
     distance_m: Array
     phi: Array
     laser_id: NDArray[np.integer]
-    parameters: ParameterSet
+    parameters: LaserParameters
     xyz: Array
     direction: Array
     tick_m: float = DISTANCE_TICK_M
 
     @classmethod
     def of(
-        cls, distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: ParameterSet
+        cls,
+        distance_m: Array,
+        phi: Array,
+        laser_id: NDArray[np.integer],
+        parameters: LaserParameters,
     ) -> Cloud:
         """Compute the points of returns."""
         direction, origin = laser_beams(phi, laser_id, parameters)
@@ -78,7 +82,7 @@ class Cloud:
         medians: Mapping[str, NDArray[Any]],
         scanner: Scanner,
         rotation_rate_hz: float,
-        parameters: ParameterSet,
+        parameters: LaserParameters,
     ) -> Cloud:
         """Compute the points of medians, or of returns that are not empty.
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from velocal.calibration.files.decimals import RADIANS_PER_DEGREE, UNCHANGED, number
 from velocal.errors import RecordingError
-from velocal.scanner.parameters import PARAMETERS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
 Bytes = NDArray[np.uint8]
 
@@ -138,7 +138,7 @@ class StatusStream:
         Tables with packets missing; with a wrong id, length or CRC; sound, but unlike the others.
     series : str or None
         "S2" or "S3", by the form of the table.
-    parameters : ParameterSet or None
+    parameters : LaserParameters or None
         The factory's calibration, where there is a sound table that most of them agree with.
     unit : mapping
         Settings in the table: time of calibration, rpm, field of view and so on.
@@ -156,7 +156,7 @@ class StatusStream:
     failed: int = 0
     deviating: int = 0
     series: str | None = None
-    parameters: ParameterSet | None = None
+    parameters: LaserParameters | None = None
     unit: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -167,7 +167,7 @@ class StatusStream:
         known["unit"] = dict(self.unit)
         return known
 
-    def calibration(self, where: str) -> ParameterSet:
+    def calibration(self, where: str) -> LaserParameters:
         """Take the factory's calibration.
 
         Parameters
@@ -355,7 +355,7 @@ class StatusReader:
         return True
 
 
-def _parameters(lasers: bytes) -> ParameterSet:
+def _parameters(lasers: bytes) -> LaserParameters:
     """Values of lasers in metres and radians, rounded once."""
     columns = np.frombuffer(lasers, dtype=LASER)
     values = {
@@ -363,7 +363,7 @@ def _parameters(lasers: bytes) -> ParameterSet:
         for name, (_, unit) in FIELDS.items()
     }
     own = {name: values.pop(name) for name in PARAMETERS}
-    return ParameterSet(**own, carried=values)
+    return LaserParameters(**own, carried=values)
 
 
 def _unit(table: np.void) -> dict[str, Any]:

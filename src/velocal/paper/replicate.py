@@ -29,7 +29,7 @@ from velocal.reduction.assignment import Gates
 from velocal.reduction.medians import cell_medians
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import SCANNERS, Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
@@ -164,9 +164,9 @@ def _of_scanner(
 def _sets(
     study: Study,
     scanner: str,
-    factory: ParameterSet,
+    factory: LaserParameters,
     adjustments: dict[str, list[tabulate.Corrections]],
-) -> dict[str, ParameterSet]:
+) -> dict[str, LaserParameters]:
     weights = study.config["adjustment"].get("average", "equal")
     sets = {"before": factory}
     for name, samples in study.parameter_sets[scanner].items():

@@ -13,7 +13,7 @@ from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
 from velocal.geometry.planes import fit_plane
 from velocal.reporting.figures.lasers import style
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def before_and_after(
     distance_m: Array,
     phi: Array,
     laser_id: NDArray[np.integer],
-    calibrations: Sequence[ParameterSet],
+    calibrations: Sequence[LaserParameters],
     labels: Sequence[str],
     title: str,
 ) -> Figure:
@@ -46,7 +46,7 @@ def before_and_after(
     distance_m, phi : ndarray, shape (n,)
         Raw distance, metres, and rotational angle, radians.
     laser_id : ndarray of int, shape (n,)
-    calibrations : sequence of two ParameterSet
+    calibrations : sequence of two LaserParameters
         Before and after.
     labels : sequence of two str
         What they are called.

@@ -28,7 +28,7 @@ from velocal.recording.scan import Inspection
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Columns = dict[str, NDArray[Any]]
 
@@ -50,9 +50,9 @@ class Settings:
     Attributes
     ----------
     scanner : Scanner
-    parameters : ParameterSet
+    parameters : LaserParameters
         Calibration.
-    before : ParameterSet or None
+    before : LaserParameters or None
         Another calibration; gives the column ``shift``.
     min_range_m, max_range_m : float
         Limits of the calibrated distance.
@@ -65,8 +65,8 @@ class Settings:
     """
 
     scanner: Scanner
-    parameters: ParameterSet
-    before: ParameterSet | None = None
+    parameters: LaserParameters
+    before: LaserParameters | None = None
     min_range_m: float = -np.inf
     max_range_m: float = np.inf
     frame: str = "velocal"
@@ -110,7 +110,7 @@ class _Lasers:
 
     @staticmethod
     def _lines(
-        parameters: ParameterSet, turned: NDArray[np.float64], tick_m: float
+        parameters: LaserParameters, turned: NDArray[np.float64], tick_m: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
         alpha, v = parameters.alpha - turned, parameters.v

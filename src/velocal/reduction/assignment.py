@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from velocal.geometry.planes import Patch
 from velocal.scanner.beam import laser_beams
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 #: Index of no plane.
@@ -47,7 +47,7 @@ def assign(
     distance_m: Array,
     phi: Array,
     laser_id: NDArray[np.integer],
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     patches: Sequence[Patch],
     gates: Gates,
 ) -> NDArray[np.uint8]:
@@ -57,7 +57,7 @@ def assign(
     ----------
     distance_m, phi, laser_id : ndarray, shape (n,)
         Raw distance (metres), rotational angle (radians), laser.
-    parameters : ParameterSet
+    parameters : LaserParameters
         Parameters before the adjustment; they need only be good to the gate.
     patches : sequence of Patch
         Surveyed patches in the scanner frame.

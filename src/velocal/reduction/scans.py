@@ -12,7 +12,7 @@ from velocal.geometry.planes import Patch
 from velocal.reduction.assignment import NO_PLANE, Gates, assign
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 #: Columns of the table of returns that a scan needs.
 COLUMNS = ["rotation", "azimuth", "laser_id", "distance"]
@@ -31,7 +31,7 @@ def assigned_scan(
     scan: Columns,
     scanner: Scanner,
     rotation_rate_hz: float,
-    parameters: ParameterSet,
+    parameters: LaserParameters,
     patches: Sequence[Patch],
     gates: Gates,
 ) -> dict[str, NDArray[Any]]:
@@ -44,7 +44,7 @@ def assigned_scan(
     scanner : Scanner
     rotation_rate_hz : float
         For the angle at which late lasers of a firing fired.
-    parameters : ParameterSet
+    parameters : LaserParameters
         Factory parameters, which decide what hit which plane.
     patches : sequence of Patch
         Surveyed patches in the scanner frame.

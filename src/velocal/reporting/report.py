@@ -25,7 +25,7 @@ from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods as comparison
 from velocal.reporting.figures import panels as outdoor_figure
 from velocal.scanner.models import scanner_named
-from velocal.scanner.parameters import PARAMETERS, UNITS, ParameterSet
+from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
 DATA = Path(__file__).parent
 
@@ -82,7 +82,7 @@ class Study:
         Pose and planes of every position, as `station.as_dict` with ``position``, ``scanner``.
     sets : mapping of str to mapping
         Columns of the parameter sets, by scanner and name.
-    factories : mapping of str to ParameterSet
+    factories : mapping of str to LaserParameters
         The factory's parameters, by scanner.
     field_table : DataFrame or None
         Planes of the recordings without a survey.
@@ -103,7 +103,7 @@ class Study:
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
-    factories: Mapping[str, ParameterSet] = field(default_factory=dict)
+    factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
     methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
@@ -327,7 +327,7 @@ def _survey(survey: Mapping[str, Any]) -> dict[str, Any]:
     return {**survey, "rotation_std_rad": std[:3].tolist(), "translation_std_m": std[3:].tolist()}
 
 
-def _parameters(columns: Mapping[str, Any], factory: ParameterSet) -> dict[str, Any]:
+def _parameters(columns: Mapping[str, Any], factory: LaserParameters) -> dict[str, Any]:
     """Corrections of a parameter set against the factory's, with standard deviations."""
     adjusted = [name for name in PARAMETERS if f"{name}_std_{UNITS[name]}" in columns]
     heads, values = [], []

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.scanner.models import AZIMUTH_TICK_DEG, Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def beams(phi: Array, alpha: Array, v: Array, voff: Array, hoff: Array) -> tuple
 
 
 def laser_beams(
-    phi: Array, laser_id: NDArray[np.integer], parameters: ParameterSet
+    phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
 ) -> tuple[Array, Array]:
     """Direction and origin of the beams of lasers `laser_id` at rotational angles `phi`."""
     return beams(
@@ -51,7 +51,7 @@ def laser_beams(
 
 
 def points(
-    distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: ParameterSet
+    distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
 ) -> Array:
     """Points of returns in the scanner frame, metres, shape (n, 3); equations (1) and (2)."""
     direction, origin = laser_beams(phi, laser_id, parameters)

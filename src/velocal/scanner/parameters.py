@@ -24,7 +24,7 @@ TWO_POINT = "two_pt_correction_available"
 
 
 @dataclass(frozen=True)
-class ParameterSet:
+class LaserParameters:
     """Parameters of every laser, by `laser_id`.
 
     Attributes
@@ -58,7 +58,7 @@ class ParameterSet:
     def __len__(self) -> int:
         return len(self.dl)
 
-    def corrected(self, corrections: Mapping[str, Array]) -> ParameterSet:
+    def corrected(self, corrections: Mapping[str, Array]) -> LaserParameters:
         """Return the set with corrections added.
 
         A correction of `dl` moves the near-point corrections of two-point files by the same
@@ -73,9 +73,9 @@ class ParameterSet:
         return replace(self, carried=carried, **changed)
 
 
-def nominal(scanner: Scanner) -> ParameterSet:
+def nominal(scanner: Scanner) -> LaserParameters:
     """Parameters of the design: nominal angles and offsets, no distance correction."""
-    return ParameterSet(
+    return LaserParameters(
         dl=np.zeros(scanner.n_lasers),
         alpha=scanner.rotational_rad.copy(),
         v=scanner.vertical_rad.copy(),

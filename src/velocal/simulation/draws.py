@@ -18,7 +18,7 @@ from velocal.geometry.planes import Plane
 from velocal.geometry.rigid import RigidTransformation
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 from velocal.simulation.scene import Surface, cast, surveyed_field
 from velocal.simulation.survey import base_targets_true, field_book, marks
 from velocal.simulation.truth import factory_parameters
@@ -51,7 +51,7 @@ class Geometry:
     ----------
     world : World
     scanner, position : str
-    factory : ParameterSet
+    factory : LaserParameters
         Where every adjustment starts.
     phi, laser_id, plane : ndarray, shape (n,)
         Rotational angle (radians), laser and plane of every beam; sorted by laser and angle.
@@ -60,7 +60,7 @@ class Geometry:
     world: World
     scanner: str
     position: str
-    factory: ParameterSet
+    factory: LaserParameters
     phi: Array
     laser_id: NDArray[np.int64]
     plane: NDArray[np.int64]
@@ -80,12 +80,12 @@ class Draw:
     observations : Observations
     survey : SurveyUncertainty or None
         None where pose and planes are exact.
-    true : ParameterSet
+    true : LaserParameters
     """
 
     observations: Observations
     survey: SurveyUncertainty | None
-    true: ParameterSet
+    true: LaserParameters
 
 
 def geometry(
@@ -125,8 +125,8 @@ def geometry(
 
 
 def true_parameters(
-    rng: np.random.Generator, start: ParameterSet, stochastic: Stochastic, names: Sequence[str]
-) -> ParameterSet:
+    rng: np.random.Generator, start: LaserParameters, stochastic: Stochastic, names: Sequence[str]
+) -> LaserParameters:
     """Truth about the start, drawn from the prior of the stochastic model.
 
     Intervals that contain prior knowledge can only be right on average over the prior: with the
@@ -234,7 +234,7 @@ def _plane_of(surface: Surface, pose: RigidTransformation) -> Plane:
     return Plane(normal, offset, np.zeros((4, 4)))
 
 
-def _ranges(at: Geometry, true: ParameterSet, surfaces: Sequence[Surface]) -> Array:
+def _ranges(at: Geometry, true: LaserParameters, surfaces: Sequence[Surface]) -> Array:
     """Range to the plane of every beam, with its relief; the planes have no edge."""
     direction, origin = laser_beams(at.phi, at.laser_id, true)
     pose = at.world.pose(at.position)

@@ -21,7 +21,7 @@ from velocal.packets.status import (
     TABLE_PACKETS,
     laser_crc,
 )
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 
 #: Firmware of an HDL-64E S2 that sends the table: 4.07.
 FIRMWARE = 0x47
@@ -35,14 +35,14 @@ _S3_TYPES = {
 }
 
 
-def encode_table(parameters: ParameterSet, *, rpm: int = 600, series: str = "S2") -> np.ndarray:
+def encode_table(parameters: LaserParameters, *, rpm: int = 600, series: str = "S2") -> np.ndarray:
     """Encode the factory's table, 1820 bytes.
 
     Values that the set does not carry get those that have no effect (`lasers.neutral`).
 
     Parameters
     ----------
-    parameters : ParameterSet
+    parameters : LaserParameters
         Of 64 lasers; rounded to what the wire holds.
     rpm : int
         Spin rate that the table tells.

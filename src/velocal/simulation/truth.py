@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
-from velocal.scanner.parameters import ParameterSet, nominal
+from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ NEAR_POINTS_M = {"x": 2.4, "y": 1.93}
 DRIFT_NODES = 13
 
 
-def factory_parameters(world: World, scanner: str) -> ParameterSet:
+def factory_parameters(world: World, scanner: str) -> LaserParameters:
     """Parameters that the factory states for the simulated unit."""
     design = nominal(SCANNERS[scanner])
     model = world.scanner(scanner).factory
@@ -55,7 +55,7 @@ class UnitTruth:
 
     Attributes
     ----------
-    parameters : ParameterSet
+    parameters : LaserParameters
         True dl, alpha, v, voff, hoff.
     range_scale : ndarray, shape (n,)
         Share of the range that is measured too long, up to `far_point_m`.
@@ -67,7 +67,7 @@ class UnitTruth:
         Range at which its square has doubled.
     """
 
-    parameters: ParameterSet
+    parameters: LaserParameters
     range_scale: Array
     far_point_m: float
     noise_m: Array

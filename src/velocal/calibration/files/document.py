@@ -17,7 +17,14 @@ import numpy as np
 from velocal.calibration.files.decimals import UNCHANGED, number
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M
-from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT, UNITS, Array, ParameterSet
+from velocal.scanner.parameters import (
+    NEAR_POINT,
+    PARAMETERS,
+    TWO_POINT,
+    UNITS,
+    Array,
+    LaserParameters,
+)
 
 #: What files hold besides the parameters, by its name in ROS YAML, with our unit. The near-point
 #: corrections and the focal distance are in metres whatever the file's unit is.
@@ -51,7 +58,7 @@ class Calibration:
 
     Attributes
     ----------
-    parameters : ParameterSet
+    parameters : LaserParameters
     dialect : str or None
         Name of the point formula that the numbers belong to; None where the file does not say.
     scanner : str or None
@@ -65,7 +72,7 @@ class Calibration:
         Where the numbers come from: plain values for JSON.
     """
 
-    parameters: ParameterSet
+    parameters: LaserParameters
     dialect: str | None = None
     scanner: str | None = None
     tick_m: float = DISTANCE_TICK_M
@@ -259,7 +266,7 @@ def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
         name: np.array([row[name] for row in rows], dtype=np.float64)
         for name in (*PARAMETERS, *carried)
     }
-    parameters = ParameterSet(
+    parameters = LaserParameters(
         **{name: columns[name] for name in PARAMETERS},
         carried={name: columns[name] for name in carried},
     )
@@ -291,7 +298,7 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
     )
 
 
-def rows(path: Path, parameters: ParameterSet) -> list[dict[str, float]]:
+def rows(path: Path, parameters: LaserParameters) -> list[dict[str, float]]:
     """Take a set apart into the values of its lasers, for writing.
 
     Raises

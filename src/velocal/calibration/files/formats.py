@@ -15,7 +15,7 @@ from velocal.calibration.files import velocal_json as complete
 from velocal.calibration.files.document import Calibration, Document
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M, Scanner
-from velocal.scanner.parameters import ParameterSet, nominal
+from velocal.scanner.parameters import LaserParameters, nominal
 
 
 def _write_table(path: Path, found: Calibration) -> None:
@@ -96,7 +96,7 @@ def dialect_of(found: Calibration, path: Path) -> Dialect:
     return MANUAL if found.dialect is None else dialect_named(found.dialect, where=str(path))
 
 
-def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> ParameterSet:
+def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserParameters:
     """Read a calibration file of any format as parameters of equations (1) to (3).
 
     Numbers that were written for another dialect are converted. Near-point corrections of the
@@ -121,7 +121,7 @@ def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> Paramete
     return convert(found.parameters, dialect_of(found, path), PAPER, inexact=True)
 
 
-def write(path: Path, found: Calibration | ParameterSet) -> None:
+def write(path: Path, found: Calibration | LaserParameters) -> None:
     """Write a calibration file, in the format that the suffix names, with the numbers as they are.
 
     `read_calibration` gives back the same floats. Values that a set does not carry are written
@@ -132,11 +132,11 @@ def write(path: Path, found: Calibration | ParameterSet) -> None:
     CalibrationFileError
         If the suffix is unknown, or a value is not finite.
     """
-    calibration = Calibration(found) if isinstance(found, ParameterSet) else found
+    calibration = Calibration(found) if isinstance(found, LaserParameters) else found
     format_of(path).write(path, calibration)
 
 
-def read_or_nominal(path: Path | None, scanner: Scanner) -> ParameterSet:
+def read_or_nominal(path: Path | None, scanner: Scanner) -> LaserParameters:
     """Read a calibration file, or take the nominal values of the scanner where there is none."""
     if path is None:
         return nominal(scanner)

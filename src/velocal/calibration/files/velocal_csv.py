@@ -12,7 +12,7 @@ from velocal.calibration.files import document as lasers
 from velocal.calibration.files.document import OWN_KEYS, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
-from velocal.scanner.parameters import UNITS, Array, ParameterSet
+from velocal.scanner.parameters import UNITS, Array, LaserParameters
 
 #: Columns of the standard deviations.
 STD_COLUMNS = {name: f"{name}_std_{unit}" for name, unit in UNITS.items()}
@@ -60,7 +60,7 @@ def _check_header(path: Path, header: list[str]) -> None:
             )
 
 
-def write(path: Path, parameters: ParameterSet, std: Mapping[str, Array] | None = None) -> None:
+def write(path: Path, parameters: LaserParameters, std: Mapping[str, Array] | None = None) -> None:
     """Write a calibration with the standard deviations (NaN: unknown) of some parameters.
 
     Raises

@@ -19,7 +19,7 @@ from velocal.reduction.assignment import NO_PLANE, Gates, assign
 from velocal.reporting.figures.lasers import COLOURS, DARK, GREY, finish, style
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import ParameterSet
+from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class View:
     rotation_rate_hz : float
     medians : mapping of str to ndarray
         Columns of `schemas.MEDIANS` of a window.
-    parameters : ParameterSet
+    parameters : LaserParameters
         The factory's.
     patches : sequence of Patch
         Surveyed planes in the scanner frame.
@@ -63,7 +63,7 @@ class View:
     scanner: Scanner
     rotation_rate_hz: float
     medians: Mapping[str, NDArray[Any]]
-    parameters: ParameterSet
+    parameters: LaserParameters
     patches: list[Patch]
     pose: RigidTransformation
 

@@ -143,6 +143,16 @@ def test_diff(files):
     assert "0.00 cm" in same.stdout
 
 
+def test_diff_is_the_same_for_another_name_of_the_same_hardware(files):
+    """An S3 fires as an S2 does: 22 cm at 80 m for programs that interpolate its azimuths."""
+    arguments = [files / "set.json"] * 2 + ["--first", "paper", "--second", "velodyne_decoder"]
+    s2, s3 = (
+        run("diff", *arguments, "--scanner", name).stdout for name in ("HDL-64E", "HDL-64E-S3")
+    )
+    assert re.search(r"80 m .* 22\.\d\d cm", s2)
+    assert s3.replace("HDL-64E-S3", "HDL-64E") == s2
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -39,7 +39,7 @@ def differences(path: Path) -> str:
     programs = {name: (dialect, None) for name, dialect in DIALECTS.items() if dialect != MANUAL}
     programs["mrpt, if it applied alpha"] = (mrpt, None)
     for name in ("veloview", "velodyne_decoder"):
-        programs[f"{name}, turning at 10 Hz"] = (DIALECTS[name], "HDL-64E")
+        programs[f"{name}, interpolating at 10 Hz"] = (DIALECTS[name], "HDL-64E")
     lines = [
         row(f"`{path.name}`", *(f"{range_m:g} m" for range_m in RANGES_M)),
         row("---", *["---"] * len(RANGES_M)),
@@ -52,8 +52,11 @@ def differences(path: Path) -> str:
 
 def leftovers() -> str:
     """What is left of the difference after a set of this project is exported."""
-    names = ("HDL-64E", "HDL-32E", "VLP-16")
-    lines = [row("export to", *names, "and with `--rate-hz 10`"), row("---", *["---"] * 4)]
+    names = ("HDL-64E", "HDL-32E", "VLP-16", "VLP-32C", "VLS-128")
+    lines = [
+        row("export to", *names, "and with `--rate-hz 10`"),
+        row("---", *["---"] * (len(names) + 1)),
+    ]
     for name, dialect in DIALECTS.items():
         cells, turned = [], []
         for scanner in names:

@@ -126,7 +126,7 @@ def test_nominal_scanners(name):
     # No two lasers look the same way, and a firing is over before the next begins.
     aims = np.column_stack([parameters.v, parameters.alpha]).round(6)
     assert len(np.unique(aims, axis=0)) == scanner.n_lasers
-    assert scanner.firing_offset_s.max() < scanner.firing_cycle_s
+    assert scanner.azimuth_delay_s.max() < scanner.firing_cycle_s
     lowest, highest = {
         "HDL-64E": (-24.33, 2.0),
         "HDL-64E-S1": (-24.33, 2.0),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from velocal.calibration.dialects import PAPER, Dialect, dialect_named
 from velocal.errors import DialectError
+from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 
 Array = NDArray[np.float64]
@@ -87,6 +88,14 @@ def obstacles(
             found.append(f"{target.name} interpolates near-point corrections in another way")
     if source.alpha and not target.alpha and parameters.alpha.any():
         found.append(f"{target.name} ignores rotational corrections")
+    if scanner is not None and SCANNERS[scanner].firing_time_s is None:
+        known = SCANNERS[scanner]
+        if source.policy(known) is not target.policy(known):
+            found.append(
+                f"{source.name} and {target.name} interpolate azimuths differently, and the "
+                f"firing times of the {scanner} are not known"
+            )
+        return found
     before, after = (d.delays_s(scanner, len(parameters)) for d in (source, target))
     if not np.array_equal(before, after):
         found.append(f"{source.name} and {target.name} interpolate azimuths differently")
@@ -137,7 +146,10 @@ def convert(
     v, voff, near = parameters.v, parameters.voff, source.near(parameters)
     alpha = parameters.alpha if source.alpha else np.zeros_like(v)
     exact_for = scanner
-    if scanner is not None and rate_hz is not None and target.alpha:
+    into_alpha = (
+        scanner is not None and target.alpha and SCANNERS[scanner].firing_time_s is not None
+    )
+    if into_alpha and rate_hz is not None:
         later = target.delays_s(scanner, len(v)) - source.delays_s(scanner, len(v))
         alpha, exact_for = alpha + 2.0 * np.pi * rate_hz * later, None
     dl, hindered = parameters.dl, obstacles(parameters, source, target, exact_for)
@@ -157,7 +169,7 @@ def convert(
     result = replace(parameters, dl=dl, alpha=alpha, voff=voff, carried=carried)
     if hindered and not inexact:
         sizes = differences(parameters, source, result, target, scanner, rate_hz or RATE_HZ)
-        turned = obstacles(parameters, source, target) != hindered
+        turned = into_alpha and obstacles(parameters, source, target) != hindered
         raise DialectError(
             f"{'; '.join(hindered)}: {sizes}",
             hint="Accept the differences (--inexact)"

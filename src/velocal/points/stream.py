@@ -88,7 +88,7 @@ class _Lasers:
     def __init__(self, settings: Settings, rate_hz: float) -> None:
         scanner = settings.scanner
         self.width = scanner.lasers_per_firing
-        late = scanner.firing_offset_s
+        late = scanner.azimuth_delay_s
         tick_m, turned = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * late
         slope, start = self._lines(settings.parameters, turned, tick_m)
         self.slope, self.start = self._rows(slope), self._rows(start)

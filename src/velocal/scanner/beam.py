@@ -72,8 +72,8 @@ def angle_from_ticks(
 ) -> Array:
     """Rotational angle of returns in radians, at the instant at which their laser fired.
 
-    The raw azimuth belongs to the start of the firing; lasers that fire later
-    (`Scanner.firing_offset_s`) see the head turned on by the rate times the delay.
+    The raw azimuth belongs to the start of the firing; until a laser fires, the head has
+    rotated further by the rate times its delay (`Scanner.azimuth_delay_s`).
     """
     start = np.deg2rad(ticks.astype(np.float64) * AZIMUTH_TICK_DEG)
-    return np.asarray(start + rotation_rate_rad_s * scanner.firing_offset_s[laser_id])
+    return np.asarray(start + rotation_rate_rad_s * scanner.azimuth_delay_s[laser_id])

@@ -8,6 +8,7 @@ taken from is said where it stands. Angles are in radians, times in seconds, dis
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,25 @@ FLAG_LOWER = 0xDDFF
 BANK_FLAGS = (FLAG_UPPER, FLAG_LOWER, 0xCCFF, 0xBBFF)
 
 
+class Family(Enum):
+    """Scanners whose lasers fire in the same order: programs treat them alike."""
+
+    HDL64 = "HDL-64E"
+    HDL32 = "HDL-32E"
+    VLP16 = "VLP-16"
+    VLP32 = "VLP-32C"
+    VLS128 = "VLS-128"
+
+    @property
+    def interpolated(self) -> bool:
+        """Whether the manufacturer's formula gives each laser the azimuth of its own firing.
+
+        The manuals of the HDL-64E compute all lasers of a block with the azimuth of the block; the
+        rotation until a laser fires is part of its rotational correction.
+        """
+        return self is not Family.HDL64
+
+
 @dataclass(frozen=True)
 class Scanner:
     """What must be known of a scanner to decode its packets and to place its lasers.
@@ -35,7 +55,9 @@ class Scanner:
     Attributes
     ----------
     name : str
-        Name used in sheets and results.
+        Name used in sample tables and results.
+    family : Family
+        Which scanners fire as this one does.
     n_lasers : int
         Number of lasers; `laser_id` runs from 0 in the order of the wire.
     flags : tuple of int
@@ -47,9 +69,8 @@ class Scanner:
     packet_rate_hz, dual_packet_rate_hz : float
         Packets per second with one and with two returns per shot; the second is NaN where the
         scanner has no such mode.
-    firing_offset_s : ndarray, shape (n_lasers,)
-        Time of a laser after the start of its firing, for azimuth interpolation; zero where
-        the manufacturer's point formula gives all lasers of a block the same azimuth.
+    firing_time_s : ndarray, shape (n_lasers,), or None
+        Time from the start of a firing until each laser fires; None where it is not known.
     vertical_rad : ndarray, shape (n_lasers,)
         Nominal vertical angles.
     rotational_rad : ndarray, shape (n_lasers,)
@@ -66,12 +87,10 @@ class Scanner:
         One tick of the raw distance.
     other_factory_bytes : tuple of int
         Product bytes that were seen as well.
-    firing_time_s : ndarray, shape (n_lasers,)
-        Time at which a laser fires after the first of its firing, whether or not the
-        manufacturer's formula makes use of it.
     """
 
     name: str
+    family: Family
     n_lasers: int
     flags: tuple[int, ...]
     firings_per_block: int
@@ -81,12 +100,11 @@ class Scanner:
     cell_ticks: int
     max_range_m: float
     factory_byte: int | None
-    firing_offset_s: NDArray[np.float64] = field(repr=False, compare=False)
+    firing_time_s: NDArray[np.float64] | None = field(repr=False, compare=False)
     vertical_rad: NDArray[np.float64] = field(repr=False, compare=False)
     rotational_rad: NDArray[np.float64] = field(repr=False, compare=False)
     horizontal_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
     vertical_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
-    firing_time_s: NDArray[np.float64] = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
 
@@ -109,9 +127,16 @@ class Scanner:
         """Every product byte that the scanner may send; empty where it sends none."""
         return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)
 
-    def azimuth_step_deg(self, rotation_rate_hz: float) -> float:
-        """Degrees that the head turns from one firing of a laser to its next."""
-        return 360.0 * rotation_rate_hz * self.firing_cycle_s
+    @property
+    def azimuth_delay_s(self) -> NDArray[np.float64]:
+        """Time from the raw azimuth to the azimuth of each laser in the model, (n_lasers,).
+
+        That is when the laser fires, or zero in families that the manufacturer does not
+        interpolate.
+        """
+        if self.firing_time_s is None or not self.family.interpolated:
+            return np.zeros(self.n_lasers)
+        return self.firing_time_s
 
 
 # HDL-64E: rank from the top of its block of each of the 32 lasers of a block, in the order of
@@ -151,6 +176,7 @@ def _hdl64e(
     )
     return Scanner(
         name=name,
+        family=Family.HDL64,
         n_lasers=64,
         flags=(FLAG_UPPER, FLAG_LOWER),
         firings_per_block=1,
@@ -160,19 +186,19 @@ def _hdl64e(
         cell_ticks=9,
         max_range_m=120.0,
         factory_byte=None,
-        firing_offset_s=np.zeros(64),
         vertical_rad=np.deg2rad(vertical),
         rotational_rad=np.deg2rad(rotational),
         horizontal_offset_m=0.026 * side,
         vertical_offset_m=height,
         firing_time_s=1e-6 * (6.0 * (lane // 4) + np.array([0.0, 1.26, 2.46, 3.66])[lane % 4])
         if dual
-        else np.zeros(64),
+        else None,
     )
 
 
 def _one_column(
     name: str,
+    family: Family,
     *,
     vertical_deg: NDArray[np.floating],
     firing_time_s: NDArray[np.floating],
@@ -194,6 +220,7 @@ def _one_column(
     rate = 1.0 / (firings_per_packet * firing_cycle_s)
     return Scanner(
         name=name,
+        family=family,
         n_lasers=n,
         flags=BANK_FLAGS[: -(-n // 32)],
         firings_per_block=32 // n or 1,
@@ -205,7 +232,6 @@ def _one_column(
         cell_ticks=cell_ticks,
         max_range_m=max_range_m,
         factory_byte=factory_byte,
-        firing_offset_s=np.asarray(firing_time_s, dtype=np.float64),
         firing_time_s=np.asarray(firing_time_s, dtype=np.float64),
         vertical_rad=np.deg2rad(vertical_deg),
         rotational_rad=np.zeros(n) if rotational_deg is None else np.deg2rad(rotational_deg),
@@ -220,6 +246,7 @@ def _hdl32e() -> Scanner:
     lower = np.arange(32) % 2 == 0
     return _one_column(
         "HDL-32E",
+        Family.HDL32,
         vertical_deg=np.where(lower, -92.0 / 3.0, -28.0 / 3.0) + pair * 4.0 / 3.0,
         firing_time_s=1.152e-6 * np.arange(32.0),
         firing_cycle_s=46.08e-6,
@@ -239,6 +266,7 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
     rank = np.arange(16) // 2 + np.where(np.arange(16) % 2 == 0, 0, 8)
     return _one_column(
         name,
+        Family.VLP16,
         vertical_deg=step_deg * (rank - 7.5),
         firing_time_s=2.304e-6 * np.arange(16.0),
         firing_cycle_s=55.296e-6,
@@ -266,6 +294,7 @@ def _vlp32c() -> Scanner:
     """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm."""
     return _one_column(
         "VLP-32C",
+        Family.VLP32,
         vertical_deg=_VLP32C_VERTICAL_DEG,
         rotational_deg=-_VLP32C_OFFSET_DEG,
         firing_time_s=2.304e-6 * (np.arange(32) // 2),
@@ -305,6 +334,7 @@ def _vls128() -> Scanner:
     group = np.arange(128) // 8
     return _one_column(
         "VLS-128",
+        Family.VLS128,
         vertical_deg=_VLS128_VERTICAL_DEG,
         rotational_deg=np.tile(_VLS128_ROTATIONAL_DEG, 16),
         firing_time_s=2.665e-6 * (group + group // 8),

@@ -86,8 +86,8 @@ def shots_at(
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
         lasers = np.full(len(rows), laser)
-        # A laser that fires late in its firing sees the head turned on.
-        phi = start + rate * scanner.firing_offset_s[laser]
+        # The head rotates further until a laser fires that is late in its firing.
+        phi = start + rate * scanner.azimuth_delay_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
         length, surface = cast(
             scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T

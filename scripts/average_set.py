@@ -6,7 +6,7 @@ from velocal import __version__
 from velocal.adjustment.average import average, average_covariance, scatter_table
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.tabulate import read_corrections
-from velocal.calibration.convert import exported
+from velocal.calibration.convert import for_program
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import Calibration
 from velocal.errors import reported
@@ -43,7 +43,9 @@ def main(
         covariance=average_covariance(samples, weights, positions),
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
-    others = {k: Calibration(exported(parameters, d), d, tick_m=tick_m) for k, d in export.items()}
+    others = {
+        k: Calibration(for_program(parameters, d), d, tick_m=tick_m) for k, d in export.items()
+    }
     for suffix, path in files.items():
         formats.write(path, others.get(suffix, found))
     storage.write_csv(scatter, scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from velocal.calibration.convert import apart, convert
+from velocal.calibration.convert import convert, max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.errors import DialectError
 from velocal.scanner.beam import angle_from_ticks, points
@@ -42,7 +42,7 @@ def test_the_dialect_paper_is_the_beam_model(name, ticks, rate_hz, distance_m):
     raw = np.repeat(ticks, scanner.n_lasers)
     laser = np.tile(np.arange(scanner.n_lasers), len(ticks))
     distance = np.full(len(raw), distance_m)
-    azimuth = PAPER.azimuths(np.deg2rad(raw * AZIMUTH_TICK_DEG), laser, name, rate_hz)
+    azimuth = PAPER.azimuths(np.deg2rad(raw * AZIMUTH_TICK_DEG), laser, scanner, rate_hz)
     phi = angle_from_ticks(raw, laser, scanner, 2.0 * np.pi * rate_hz)
     np.testing.assert_allclose(azimuth, phi, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
@@ -59,7 +59,10 @@ def test_another_name_of_the_same_hardware_gives_the_same_differences(one, other
     parameters = nominal(SCANNERS[one])
     for first, second in itertools.combinations(DIALECTS.values(), 2):
         pair = (first, parameters), (second, parameters)
-        found = [apart(*pair, (25.0, 80.0), scanner=name, rate_hz=10.0) for name in (one, other)]
+        found = [
+            max_point_distance(*pair, (25.0, 80.0), scanner=SCANNERS[name], rate_hz=10.0)
+            for name in (one, other)
+        ]
         np.testing.assert_array_equal(*found, err_msg=f"{first.name}, {second.name}")
 
 
@@ -67,7 +70,7 @@ def test_another_name_of_the_same_hardware_gives_the_same_differences(one, other
 @pytest.mark.parametrize("name", DIALECTS)
 def test_lasers_that_fire_later_are_placed_later(scanner, name):
     known = SCANNERS[scanner]
-    delays = DIALECTS[name].delays_s(scanner, known.n_lasers)
+    delays = DIALECTS[name].delays_s(known)
     if name in LATER[scanner]:
         np.testing.assert_array_equal(delays, known.firing_time_s)
         assert delays.max() > 30e-6
@@ -88,10 +91,10 @@ def test_what_converts_without_objection_gives_the_points_of_the_model(scanner, 
     )
     for rate_hz in (None, 10.0):
         try:
-            found = convert(design, PAPER, dialect, scanner=scanner, rate_hz=rate_hz)
+            found = convert(design, PAPER, dialect, scanner=SCANNERS[scanner], rate_hz=rate_hz)
         except DialectError:
             continue
-        azimuth = dialect.azimuths(np.deg2rad(ticks * 0.01), laser, scanner, 10.0)
+        azimuth = dialect.azimuths(np.deg2rad(ticks * 0.01), laser, SCANNERS[scanner], 10.0)
         distance = np.linalg.norm(dialect.points(raw, azimuth, laser, found) - model, axis=1)
         assert distance.max() < 0.0075
 
@@ -99,7 +102,7 @@ def test_what_converts_without_objection_gives_the_points_of_the_model(scanner, 
 def test_mrpt_takes_every_scanner_of_32_lasers_for_an_hdl32e():
     """It chooses its firing table by the number of lasers, and scales it to the cycle."""
     known, taken_for = SCANNERS["VLP-32C"], SCANNERS["HDL-32E"]
-    delays = DIALECTS["mrpt"].delays_s(known.name, 32)
+    delays = DIALECTS["mrpt"].delays_s(known)
     np.testing.assert_allclose(
         delays / known.firing_cycle_s, taken_for.firing_time_s / taken_for.firing_cycle_s
     )
@@ -110,4 +113,4 @@ def test_unknown_firing_times_are_no_exact_conversion(name):
     """No manual of the HDL-64E-S1 tells when its lasers fire; both programs interpolate."""
     design = nominal(SCANNERS["HDL-64E-S1"])
     with pytest.raises(DialectError, match="firing times of the HDL-64E-S1 are not known"):
-        convert(design, PAPER, DIALECTS[name], scanner="HDL-64E-S1", rate_hz=10.0)
+        convert(design, PAPER, DIALECTS[name], scanner=SCANNERS["HDL-64E-S1"], rate_hz=10.0)

@@ -4,7 +4,7 @@ import average_set
 import numpy as np
 from unit.test_lint import unit
 
-from velocal.calibration.convert import apart
+from velocal.calibration.convert import max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.io import storage
@@ -41,7 +41,7 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
         found = formats.read_calibration(files[suffix])
         assert found.dialect == dialect
         pair = (PAPER, parameters), (DIALECTS[dialect], found.parameters)
-        assert apart(*pair).max() < 1e-12
+        assert max_point_distance(*pair).max() < 1e-12
         np.testing.assert_allclose(
             formats.read(files[suffix], 64).voff, parameters.voff, atol=1e-15
         )

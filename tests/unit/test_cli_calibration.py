@@ -10,12 +10,13 @@ import pytest
 from typer.testing import CliRunner
 from unit.test_lint import unit
 
-from velocal.calibration.convert import apart
+from velocal.calibration.convert import max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import Calibration
 from velocal.cli import app, calibration, main
 from velocal.errors import VelocalError
+from velocal.scanner.models import SCANNERS
 
 
 @pytest.fixture
@@ -87,9 +88,9 @@ def test_convert_gives_the_reader_the_same_points(files):
         found = formats.read_calibration(files / name)
         assert found.dialect == dialect
         pair = (PAPER, before), (DIALECTS[dialect], found.parameters)
-        assert apart(*pair, scanner="HDL-64E", rate_hz=10.0).max() < allowed
+        assert max_point_distance(*pair, scanner=SCANNERS["HDL-64E"], rate_hz=10.0).max() < allowed
     # The numbers are others: a reader with the other formula would be off by centimetres.
-    assert apart((PAPER, before), (PAPER, found.parameters)).max() > 0.02
+    assert max_point_distance((PAPER, before), (PAPER, found.parameters)).max() > 0.02
     back = run("convert", files / "a.yaml", files / "back.csv")
     assert "ros to paper" in back.stdout
     np.testing.assert_allclose(formats.read(files / "back.csv", 64).dl, before.dl, atol=1e-15)
@@ -133,8 +134,11 @@ def test_diff(files):
     assert done.exit_code == 0
     assert re.search(r"5 m .* cm .*\n.*50 m", done.stdout)
     written = pd.read_csv(table)
-    wanted = apart(
-        (DIALECTS["manual"], unit()), (DIALECTS["ros"], unit()), (5.0, 50.0), scanner="HDL-64E"
+    wanted = max_point_distance(
+        (DIALECTS["manual"], unit()),
+        (DIALECTS["ros"], unit()),
+        (5.0, 50.0),
+        scanner=SCANNERS["HDL-64E"],
     )
     np.testing.assert_allclose(written["apart_50m_cm"], 100 * wanted[1], atol=1e-4)
     assert picture.stat().st_size > 10_000

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
-from velocal.scanner.models import AZIMUTH_TICK_DEG, SCANNERS, Family, Scanner
+from velocal.scanner.models import AZIMUTH_TICK_DEG, Family, Scanner
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 
 Array = NDArray[np.float64]
@@ -131,19 +131,30 @@ class Dialect:
         """How the program finds the azimuths of a scanner's lasers."""
         return self.interpolation.get(scanner.family, Interpolation.NONE)
 
-    def delays_s(self, scanner: str | None, n_lasers: int) -> Array:
-        """Time after the start of the firing at which azimuths are taken, by laser."""
-        if scanner is None:
-            return np.zeros(n_lasers)
-        known = SCANNERS[scanner]
-        return self.policy(known).delays_s(known)
+    def delays_s(self, scanner: Scanner) -> Array:
+        """Time after the start of the firing at which azimuths are taken, shape (n_lasers,)."""
+        return self.policy(scanner).delays_s(scanner)
 
     def azimuths(
-        self, raw: Array, laser_id: NDArray[np.integer], scanner: str, rate_hz: float
+        self, raw: Array, laser_id: NDArray[np.integer], scanner: Scanner, rate_hz: float
     ) -> Array:
-        """Azimuths at which points are computed, radians, from those of the firings."""
-        delay = self.delays_s(scanner, SCANNERS[scanner].n_lasers)[laser_id]
-        turned = raw + 2.0 * np.pi * rate_hz * delay
+        """Azimuths at which points are computed.
+
+        Parameters
+        ----------
+        raw : ndarray, shape (n,)
+            Azimuths of the firings, radians.
+        laser_id : ndarray of int, shape (n,)
+        scanner : Scanner
+        rate_hz : float
+            Rotation rate.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Radians.
+        """
+        turned = raw + 2.0 * np.pi * rate_hz * self.delays_s(scanner)[laser_id]
         if not self.rounds:
             return np.asarray(turned)
         tick = np.deg2rad(AZIMUTH_TICK_DEG)
@@ -163,7 +174,7 @@ class Dialect:
         distance_m : ndarray, shape (n,)
             Raw distance, before any correction.
         azimuth : ndarray, shape (n,)
-            Radians; of the firing, or turned on by `azimuths`.
+            Radians; of the firing, or what `azimuths` gives.
         laser_id : ndarray of int, shape (n,)
         parameters : LaserParameters
             Numbers of this dialect.

@@ -189,3 +189,33 @@ def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
         save(figure, tmp_path / f"{name}.svg", tmp_path / f"{name}.png")
         written.append((tmp_path / f"{name}.svg").read_bytes())
     assert written[0] == written[1]
+
+
+def air_before(scanner, **changes):
+    """Air of a clear scene before a scanner without errors; also its tick in metres."""
+    world = with_kind(study_world().without_errors(), **CLEAR)
+    world = replace(world, scanners={**world.scanners, scanner: world.scanner("HDL-32E")})
+    scene = outdoor_scene(world, scanner, "real1", 0.1)
+    return replace(scene.between, **changes), SCANNERS[scanner].distance_tick_m
+
+
+@pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
+def test_people_are_measured_in_ticks_of_the_scanner(scanner):
+    person = Person(np.array([0.0, 5.0]), np.zeros(2), 0.6, -2.0, 2.0)
+    air, tick_m = air_before(scanner, people=[person])
+    nothing = np.full((1, 32), np.nan, dtype=np.float32)
+    ticks = air(np.random.default_rng(1), np.zeros(1), np.zeros(1), nothing)[0]
+    parameters = air.truth.parameters
+    flat = person.range(np.zeros(32), -parameters.alpha)
+    met = np.isfinite(ticks)
+    assert met.sum() > 20
+    wanted = air.truth.raw(flat / np.cos(parameters.v), np.arange(32))
+    np.testing.assert_allclose(ticks[met] * tick_m, wanted[met], rtol=1e-6)
+
+
+@pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
+def test_fog_swallows_by_metres_and_not_by_ticks(scanner):
+    air, tick_m = air_before(scanner, lost_per_m=0.02)
+    ideal = np.full((2000, 32), 30.0 / tick_m, dtype=np.float32)
+    ticks = air(np.random.default_rng(2), np.zeros(2000), np.zeros(2000), ideal)
+    assert np.isnan(ticks).mean() == pytest.approx(1.0 - np.exp(-0.02 * 30.0), abs=0.01)

@@ -12,6 +12,7 @@ from velocal.evaluation import panels as outdoor
 from velocal.evaluation.planes_in_data import Cloud
 from velocal.io import storage
 from velocal.recording.returns import read_short
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 
 
@@ -30,7 +31,7 @@ def main(
     known = scanner_named(sample["scanner"])
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
-    cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
+    cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
     candidates = {outdoor.BEFORE: factory}
     candidates |= {path.stem: formats.read(path, known.n_lasers) for path in sets}
     place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)

@@ -8,8 +8,8 @@ from velocal.calibration.files import formats
 from velocal.errors import reported
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Gates
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import observations, patches_of
 
@@ -33,8 +33,8 @@ def main(
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, config["rotations"])
-    limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
+    beams = Beams.from_ticks(scan, known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, factory, patches, Limits.from_config(gates))
     data = observations(rows, patches)
     candidates = {"before": factory} | {p.stem: formats.read(p, known.n_lasers) for p in sets}
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}

@@ -141,7 +141,7 @@ def panel_rows(
         chosen = plane.rows
         laser_id = cloud.laser_id[chosen]
         for name, parameters in candidates.items():
-            seen = Cloud.of(cloud.distance_m[chosen], cloud.phi[chosen], laser_id, parameters)
+            seen = Cloud.from_beams(cloud[chosen], parameters)
             fitted = fit_plane(seen.xyz).plane
             s = seen.s(np.arange(len(chosen)), fitted)
             lasers = laser_statistics(s, laser_id, len(parameters), 1.0)

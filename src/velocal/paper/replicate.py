@@ -25,9 +25,9 @@ from velocal.paper import statements, tables
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.assignment import Gates
-from velocal.reduction.medians import cell_medians
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.reduction.medians import binned_medians
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS, Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
@@ -121,7 +121,7 @@ def _of_scanner(
 ) -> Iterator[pd.DataFrame]:
     config, known = study.config, SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
-    gates = Gates.from_config(config["assignment"]["gates"])
+    limits = Limits.from_config(config["assignment"]["gates"])
     sigma_m = config["validation"]["sigma_cm"] * 1e-2
     settled = study.adjustment(scanner)
     adjustments: dict[str, list[tabulate.Corrections]] = {}
@@ -136,7 +136,8 @@ def _of_scanner(
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             medians = _medians(returns, config["reduction"], known)
-            rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
+            beams = Beams.from_ticks(medians, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
             data = observations(rows, station.patches)
             results = adjust_all(
                 data, factory, settled["parameters"], settings.solver(settled), stochastic
@@ -150,10 +151,9 @@ def _of_scanner(
             }
             yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
             scan = first_rotations(returns, config["validation"]["rotations"])
-            scans[sample.name, window] = observations(
-                assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
-                station.patches,
-            )
+            beams = Beams.from_ticks(scan, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
+            scans[sample.name, window] = observations(rows, station.patches)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
         heading = {"scanner": scanner, "sample": name, "window": window}
@@ -188,13 +188,13 @@ def _table(
 
 
 def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
-    """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
-    reduced = cell_medians(
+    """Reduce to medians; a bin may hold a single return, as there are fewer rotations."""
+    reduced = binned_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=known.cell(reduction["cell_deg"].get(known.name)),
+        bin_ticks=known.azimuth_bin(reduction["cell_deg"].get(known.name)),
         min_count=1,
     )
     return asdict(reduced)

@@ -26,7 +26,7 @@ from velocal.capture.reading import ANY, Choice
 from velocal.packets.data import BLOCKS, Firings, decode, view
 from velocal.recording.scan import Inspection
 from velocal.recording.windows import read_rotations
-from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -287,8 +287,24 @@ def stream(
 
 def raw_returns(
     recording: Path, inspection: Inspection, rotations: NDArray[np.int64], settings: Settings
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
-    """Raw distance in metres, rotational angle and laser of the returns of a few rotations."""
+) -> Beams:
+    """Returns of a few rotations that are within the limits of range, all in memory.
+
+    Parameters
+    ----------
+    recording : Path
+        Capture file.
+    inspection : Inspection
+        Of that file.
+    rotations : ndarray of int64
+        Rotations to use, ascending.
+    settings : Settings
+
+    Returns
+    -------
+    Beams
+        In the order of the wire.
+    """
     scanner, found = settings.scanner, []
     index, choice = inspection.index, settings.choice
     for chunk, of_block in read_rotations(recording, index, rotations, choice):
@@ -296,10 +312,13 @@ def raw_returns(
         used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
         azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))
         found.append((firings.distance[used], azimuth, firings.laser_id()[used]))
-    ticks, azimuth, laser = (np.concatenate(part) for part in zip(*found, strict=True))
-    distance = distance_from_ticks(ticks, scanner.distance_tick_m)
-    rate = 2.0 * np.pi * rotation_rate_hz(inspection, rotations)
-    near = distance + settings.parameters.dl[laser]
-    used = (near >= settings.min_range_m) & (near <= settings.max_range_m)
-    phi = angle_from_ticks(azimuth, laser, scanner, rate)
-    return distance[used], phi[used], laser[used]
+    columns = dict(
+        zip(
+            ("distance", "azimuth", "laser_id"),
+            (np.concatenate(part) for part in zip(*found, strict=True)),
+            strict=True,
+        )
+    )
+    beams = Beams.from_ticks(columns, scanner, rotation_rate_hz(inspection, rotations))
+    range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
+    return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

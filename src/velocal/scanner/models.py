@@ -77,8 +77,8 @@ class Scanner:
         Nominal rotational angle corrections.
     horizontal_offset_m, vertical_offset_m : ndarray, shape (n_lasers,)
         Nominal offsets of the lasers.
-    cell_ticks : int
-        Default width of an angle cell in raw azimuth ticks (0.01 deg).
+    azimuth_bin_ticks : int
+        Default width of an azimuth bin in raw azimuth ticks (0.01 deg).
     max_range_m : float
         Largest range that the manufacturer states.
     factory_byte : int or None
@@ -97,7 +97,7 @@ class Scanner:
     firing_cycle_s: float
     packet_rate_hz: float
     dual_packet_rate_hz: float
-    cell_ticks: int
+    azimuth_bin_ticks: int
     max_range_m: float
     factory_byte: int | None
     firing_time_s: NDArray[np.float64] | None = field(repr=False, compare=False)
@@ -113,9 +113,9 @@ class Scanner:
         """Lasers in one firing of one block: 32, or 16 for the VLP-16."""
         return 32 // self.firings_per_block
 
-    def cell(self, width_deg: float | None) -> int:
-        """Width of an angle cell in raw azimuth ticks; the default where none is given."""
-        return self.cell_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
+    def azimuth_bin(self, width_deg: float | None) -> int:
+        """Width of an azimuth bin in raw azimuth ticks; the default if no width is given."""
+        return self.azimuth_bin_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
 
     @property
     def paired(self) -> bool:
@@ -183,7 +183,7 @@ def _hdl64e(
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=packet_rate_hz,
         dual_packet_rate_hz=1.0 / (3 * 57.6e-6) if dual else np.nan,
-        cell_ticks=9,
+        azimuth_bin_ticks=9,
         max_range_m=120.0,
         factory_byte=None,
         vertical_rad=np.deg2rad(vertical),
@@ -204,7 +204,7 @@ def _one_column(
     firing_time_s: NDArray[np.floating],
     firing_cycle_s: float,
     firings_per_packet: int,
-    cell_ticks: int,
+    azimuth_bin_ticks: int,
     max_range_m: float,
     factory_byte: int,
     rotational_deg: NDArray[np.floating] | None = None,
@@ -229,7 +229,7 @@ def _one_column(
         distance_tick_m=distance_tick_m,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=rate,
-        cell_ticks=cell_ticks,
+        azimuth_bin_ticks=azimuth_bin_ticks,
         max_range_m=max_range_m,
         factory_byte=factory_byte,
         firing_time_s=np.asarray(firing_time_s, dtype=np.float64),
@@ -251,7 +251,7 @@ def _hdl32e() -> Scanner:
         firing_time_s=1.152e-6 * np.arange(32.0),
         firing_cycle_s=46.08e-6,
         firings_per_packet=12,
-        cell_ticks=10,
+        azimuth_bin_ticks=10,
         max_range_m=100.0,
         factory_byte=0x21,
     )
@@ -271,7 +271,7 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
         firing_time_s=2.304e-6 * np.arange(16.0),
         firing_cycle_s=55.296e-6,
         firings_per_packet=24,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=100.0,
         factory_byte=factory_byte,
     )
@@ -300,7 +300,7 @@ def _vlp32c() -> Scanner:
         firing_time_s=2.304e-6 * (np.arange(32) // 2),
         firing_cycle_s=55.296e-6,
         firings_per_packet=12,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=200.0,
         factory_byte=0x28,
         distance_tick_m=0.004,
@@ -340,7 +340,7 @@ def _vls128() -> Scanner:
         firing_time_s=2.665e-6 * (group + group // 8),
         firing_cycle_s=53.3e-6,
         firings_per_packet=3,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=245.0,
         factory_byte=0xA1,
         other_factory_bytes=(0x63,),

@@ -51,7 +51,7 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
     values = {
         "workflow": json.dumps(str(workflow.resolve())),
         "scanner": scanner.name,
-        "cell_deg": scanner.cell_ticks / 100,
+        "cell_deg": scanner.azimuth_bin_ticks / 100,
         "samples": [f"sample{number + 1}" for number in range(positions)],
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.

@@ -1,0 +1,59 @@
+"""Stated quality of an adjustment against values that are known beforehand."""
+
+import numpy as np
+import pytest
+
+from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.solvers import GaussHelmert
+from velocal.adjustment.stochastic import Stochastic
+from velocal.scanner.parameters import LaserParameters
+
+PRIOR = {"dl": 0.02, "hoff": 0.01}
+
+
+def on_plane(phi, v, normal, offset, errors):
+    """Distances of lasers without corrections to one plane, with errors of shape (lasers, n)."""
+    lasers, n = errors.shape
+    zero = np.zeros(lasers)
+    parameters = LaserParameters(zero, zero, np.full(lasers, v), zero, zero)
+    laser = np.repeat(np.arange(lasers), n)
+    phi, normal = np.tile(phi, lasers), np.tile(np.array(normal), (lasers * n, 1))
+    offset = np.full(lasers * n, offset)
+    exact = -Observations(np.zeros(lasers * n), phi, laser, normal, offset).misclosure(parameters)
+    return Observations(exact + errors.ravel(), phi, laser, normal, offset), parameters
+
+
+def on_floor(phi, errors):
+    return on_plane(phi, np.deg2rad(-20.0), [0.0, 0.0, -1.0], -0.8, errors)
+
+
+def test_noise_of_blocks_that_are_correlated_with_their_neighbours():
+    """The stated variance of a mean is the true one when neighbouring blocks are correlated.
+
+    The stated variance is a quadratic form of the errors. Therefore its expectation is the sum of
+    the variances that are stated for the columns of a root of the covariance matrix. Each column
+    is the error vector of one laser here, so that nothing is random in this test.
+    """
+    blocks, rows = 24, 20
+    n = blocks * rows
+    difference = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    difference = np.minimum(difference, n - difference)
+    covariance = 0.01**2 * np.exp(-((difference / (rows / 10)) ** 2) / 4.0)
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+
+    block = np.arange(n) // rows
+    true = covariance.sum() / n**2
+    within = covariance[block[:, None] == block].sum() / n**2
+    # Share of the variance that sums of single blocks show. Their residuals are deviations from the
+    # common mean, for which the library corrects as if the rows were independent.
+    shown = (within - true / blocks) / (1.0 - 1.0 / blocks)
+    assert 0.10 < 1.0 - shown / true < 0.13
+
+    data, zero = on_floor(2.0 * np.pi * (np.arange(n) + 0.5) / n, root.T)
+    model = Stochastic(0.01, PRIOR, block_rad=2.0 * np.pi / blocks)
+    found = adjust_all(data, zero, ("dl",), GaussHelmert(), model)
+    corrections = np.array([laser.corrections[0] for laser in found])
+    assert corrections @ corrections == pytest.approx(true, rel=1e-6)
+    stated = sum(laser.parts["noise"][0, 0] for laser in found)
+    assert stated == pytest.approx(true, rel=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm, t
 
 from velocal.adjustment.lasers import Observations, adjust_all
 from velocal.adjustment.solvers import GaussHelmert
@@ -57,3 +58,41 @@ def test_noise_of_blocks_that_are_correlated_with_their_neighbours():
     assert corrections @ corrections == pytest.approx(true, rel=1e-6)
     stated = sum(laser.parts["noise"][0, 0] for laser in found)
     assert stated == pytest.approx(true, rel=0.01)
+
+
+def adjusted_mean(n, **known):
+    """The mean of `n` independent distances as the correction of one laser."""
+    errors = np.random.default_rng(n).normal(0.0, 0.01, (1, n))
+    data, zero = on_floor(np.linspace(0.0, 6.0, n), errors)
+    model = Stochastic(0.01, PRIOR, **known)
+    return adjust_all(data, zero, ("dl",), GaussHelmert(), model)[0]
+
+
+@pytest.mark.parametrize("level", [0.5, 0.95])
+@pytest.mark.parametrize("n", [2, 5, 20])
+def test_interval_of_few_observations_is_students(n, level):
+    found = adjusted_mean(n)
+    assert found.redundancy == n - 1
+    # One half of the remaining probability lies on either side of the interval.
+    expected = t.ppf(0.5 + level / 2.0, n - 1) * found.std
+    np.testing.assert_allclose(found.interval(level), expected, rtol=1e-9)
+
+
+def test_interval_of_many_observations_is_the_normal_one():
+    found = adjusted_mean(5000)
+    np.testing.assert_allclose(found.interval(), 1.96 * found.std, rtol=1e-3)
+    np.testing.assert_allclose(found.interval(0.6827), found.std, rtol=1e-3)
+
+
+def test_interval_nears_the_normal_one_as_known_parts_grow():
+    few, n = adjusted_mean(5), 5
+    ratio = []
+    for repeatability_m in (0.0, 0.005, 0.5):
+        found = adjusted_mean(n, repeatability_m=repeatability_m)
+        total = few.parts["noise"][0, 0] + repeatability_m**2
+        np.testing.assert_allclose(found.std, np.sqrt(total))
+        # Degrees of freedom after Welch and Satterthwaite; the repeatability is exactly known.
+        dof = (n - 1) * (total / few.parts["noise"][0, 0]) ** 2
+        np.testing.assert_allclose(found.interval(), t.ppf(0.975, dof) * found.std, rtol=1e-9)
+        ratio.append(found.interval()[0] / found.std[0])
+    assert ratio[0] > ratio[1] > ratio[2] == pytest.approx(norm.ppf(0.975), rel=1e-6)

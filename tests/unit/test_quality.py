@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, t
 
 from velocal.adjustment.lasers import Observations, adjust_all
-from velocal.adjustment.solvers import GaussHelmert
+from velocal.adjustment.solvers import GaussHelmert, WithPrior
 from velocal.adjustment.stochastic import Stochastic
 from velocal.scanner.parameters import LaserParameters
 
@@ -26,6 +26,10 @@ def on_plane(phi, v, normal, offset, errors):
 
 def on_floor(phi, errors):
     return on_plane(phi, np.deg2rad(-20.0), [0.0, 0.0, -1.0], -0.8, errors)
+
+
+def on_wall(phi, errors):
+    return on_plane(phi, 0.0, [0.0, 1.0, 0.0], -3.0, errors)
 
 
 def test_noise_of_blocks_that_are_correlated_with_their_neighbours():
@@ -96,3 +100,33 @@ def test_interval_nears_the_normal_one_as_known_parts_grow():
         np.testing.assert_allclose(found.interval(), t.ppf(0.975, dof) * found.std, rtol=1e-9)
         ratio.append(found.interval()[0] / found.std[0])
     assert ratio[0] > ratio[1] > ratio[2] == pytest.approx(norm.ppf(0.975), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("dl_share", "hoff_share", "weak"),
+    [
+        (0.7, 0.3, ("hoff",)),
+        (0.3, 0.7, ("dl",)),
+        (0.51, 0.7, ()),
+        (0.49, 0.3, ("dl", "hoff")),
+    ],
+)
+def test_a_parameter_is_weakly_determined_below_one_half(dl_share, hoff_share, weak):
+    """The columns of the two parameters are orthogonal, so each has its own share from the data.
+
+    On a wall ahead, the derivative of the misclosure by dl is 1, and that by hoff is tan(phi); the
+    misclosure is linear in both. If the data have the information N on a parameter and its prior
+    has 1 / p^2, the share of the data is N / (N + 1 / p^2).
+    """
+    noise_m, phi, error_m = 0.02, np.linspace(-0.7, 0.7, 41), 0.003
+    share = np.array([dl_share, hoff_share])
+    information = np.array([len(phi), np.sum(np.tan(phi) ** 2)]) / noise_m**2
+    prior = np.sqrt(share / (1.0 - share) / information)
+    data, zero = on_wall(phi, error_m * (1.0 + np.tan(phi))[None])
+    model = Stochastic(noise_m, dict(zip(("dl", "hoff"), prior, strict=True)))
+    found = adjust_all(data, zero, ("dl", "hoff"), WithPrior(), model)[0]
+    # The data alone would correct both by -error_m, the prior alone by zero.
+    np.testing.assert_allclose(found.corrections, -share * error_m, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.parts["prior"])), (1.0 - share) * prior)
+    assert found.held == weak
+    assert sorted(found.open_combinations) == sorted(weak)

@@ -203,8 +203,7 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both")
     which = np.full(len(block), ONLY, dtype=np.uint8)
     if dual:
         second = block % 4 >= 2 if scanner.paired else block % 2 == 1
-        # HDL-64E: strongest, then last; all others: last, then strongest.
-        which = np.where(second == scanner.paired, LAST, STRONGEST).astype(np.uint8)
+        which = np.where(second == scanner.strongest_first, LAST, STRONGEST).astype(np.uint8)
     firings = Firings(
         firing_azimuth.astype(np.uint16),
         first_laser,
@@ -232,7 +231,7 @@ def _chosen(firings: Firings, scanner: Scanner, returns: str) -> Firings:
         # Of two alike the block that is said to hold the strongest.
         seen = np.where(one.distance > 0, one.intensity.astype(np.int16), -1)
         others = np.where(other.distance > 0, other.intensity.astype(np.int16), -1)
-        better = others > seen if scanner.paired else others >= seen
+        better = others > seen if scanner.strongest_first else others >= seen
     return replace(
         one,
         distance=np.where(better, other.distance, one.distance),

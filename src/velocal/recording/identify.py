@@ -97,8 +97,7 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             f"the timing agrees with {scanner.name}"
         )
     cycle = firing_cycle_s(inspection) / (scanner.firing_cycle_s * scanner.firings_per_block)
-    # The encoder of an HDL-64E is too coarse for this.
-    if not scanner.paired and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
+    if not scanner.coarse_encoder and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
         remarks.append(
             f"the head turns {inspection.azimuth_step_ticks:.0f} hundredths of a degree from block "
             f"to block, {cycle:.2f} times what its rate and {scanner.name} would give"

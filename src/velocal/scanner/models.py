@@ -87,6 +87,8 @@ class Scanner:
         One tick of the raw distance.
     other_factory_bytes : tuple of int
         Product bytes that were seen as well.
+    embeds_calibration : bool
+        Whether the scanner sends its factory calibration in the status bytes of its packets.
     """
 
     name: str
@@ -107,6 +109,12 @@ class Scanner:
     vertical_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
+    embeds_calibration: bool = False
+
+    @property
+    def short_name(self) -> str:
+        """Number of lasers, by which names of printed statements tell scanners apart."""
+        return str(self.n_lasers)
 
     @property
     def lasers_per_firing(self) -> int:
@@ -119,8 +127,23 @@ class Scanner:
 
     @property
     def paired(self) -> bool:
-        """True where the upper and lower lasers come in blocks of their own (HDL-64E)."""
+        """Whether the upper and lower lasers come in blocks of their own, in turn."""
         return len(self.flags) == 2
+
+    @property
+    def strongest_first(self) -> bool:
+        """Whether the strongest of two returns comes before the last one, in packets with both."""
+        return self.family is Family.HDL64
+
+    @property
+    def coarse_encoder(self) -> bool:
+        """Whether azimuths come in steps so coarse that they do not tell the firing cycle."""
+        return self.family is Family.HDL64
+
+    @property
+    def has_factory_file(self) -> bool:
+        """Whether the factory measures each unit and delivers a calibration file with it."""
+        return self.family is Family.HDL64
 
     @property
     def factory_bytes(self) -> tuple[int, ...]:
@@ -193,6 +216,7 @@ def _hdl64e(
         firing_time_s=1e-6 * (6.0 * (lane // 4) + np.array([0.0, 1.26, 2.46, 3.66])[lane % 4])
         if dual
         else None,
+        embeds_calibration=dual,
     )
 
 

@@ -182,7 +182,7 @@ def _trailing(
     world: World, scanner: Scanner, sample: str
 ) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
     """What gives the last two bytes of packets, by number, share of the recording and time (us)."""
-    if not scanner.paired:
+    if not scanner.embeds_calibration:
         mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
         return lambda number, share, time_us: np.tile(mode, (len(number), 1))
     rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)

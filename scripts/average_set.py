@@ -8,7 +8,7 @@ from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.tabulate import read_corrections
 from velocal.calibration.convert import for_program
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.errors import reported
 from velocal.io import storage
 from velocal.scanner.models import scanner_named
@@ -37,14 +37,14 @@ def main(
     parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
     sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
     sources |= {"calibration": calibration.name if calibration else "nominal", "weights": weights}
-    found = Calibration(
+    found = CalibrationFile(
         parameters, "paper", scanner, tick_m,
         std={name: each.std for name, each in chosen.items()},
         covariance=average_covariance(samples, weights, positions),
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
     others = {
-        k: Calibration(for_program(parameters, d), d, tick_m=tick_m) for k, d in export.items()
+        k: CalibrationFile(for_program(parameters, d), d, tick_m=tick_m) for k, d in export.items()
     }
     for suffix, path in files.items():
         formats.write(path, others.get(suffix, found))

@@ -14,7 +14,7 @@ from velocal.calibration import convert as conversion
 from velocal.calibration import dialects
 from velocal.calibration.dialects import DIALECTS, MANUAL, PAPER
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.errors import DialectError
 from velocal.packets import data as packets
 from velocal.scanner.models import SCANNERS
@@ -225,7 +225,7 @@ def test_velodyne_decoder_gives_the_points_of_its_dialect(shared, tmp_path, file
     """Its points of a file that we wrote, whatever dialect that is for, are those predicted."""
     parameters = formats.read(shared / "calibrations" / file, 64)
     written = conversion.convert(parameters, MANUAL, DIALECTS[dialect], inexact=True)
-    formats.write(tmp_path / "a.yaml", Calibration(written, dialect=dialect))
+    formats.write(tmp_path / "a.yaml", CalibrationFile(written, dialect=dialect))
     payloads, azimuth, distance = spinning("HDL-64E")
     rate = STEP["HDL-64E"] * 0.01 / 360 / 48e-6
     laser = np.tile(np.arange(64), len(azimuth))
@@ -254,7 +254,7 @@ def test_velodyne_decoder_of_the_other_scanners(scanner, tmp_path):
     other = DIALECTS["velodyne_decoder"]
     formats.write(
         tmp_path / "a.yaml",
-        Calibration(parameters, dialect=other.name, tick_m=known.distance_tick_m),
+        CalibrationFile(parameters, dialect=other.name, tick_m=known.distance_tick_m),
     )
     payloads, azimuth, distance = spinning(scanner)
     laser = np.tile(np.arange(n), len(azimuth))

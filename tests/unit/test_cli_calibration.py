@@ -13,7 +13,7 @@ from unit.test_lint import unit
 from velocal.calibration.convert import max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.cli import app, calibration, main
 from velocal.errors import VelocalError
 from velocal.scanner.models import SCANNERS
@@ -23,7 +23,7 @@ from velocal.scanner.models import SCANNERS
 def files(tmp_path):
     """One unit: as the factory ships it, without near points, and with deviations."""
     whole = unit()
-    plain = Calibration(
+    plain = CalibrationFile(
         parameters=type(whole)(*(getattr(whole, k) for k in ("dl", "alpha", "v", "voff", "hoff"))),
         dialect="paper",
         std={"dl": np.full(64, 0.001)},

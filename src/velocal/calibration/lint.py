@@ -62,7 +62,7 @@ def lint(path: Path, scanner: Scanner | None = None) -> list[Finding]:
         Empty where nothing is odd. Limits are such that they are kept by the real files known.
     """
     try:
-        document = format_of(path).parse(path)
+        document = format_of(path).codec().parse(path)
     except CalibrationFileError as error:
         return [Finding("unreadable", error.what)]
     found = [*_document(document)]

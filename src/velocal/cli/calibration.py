@@ -23,7 +23,7 @@ from velocal.calibration.convert import (
 )
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import escape
@@ -248,16 +248,16 @@ def diff(
             save(figure, picture.with_suffix(".svg"), picture.with_suffix(".png"))
 
 
-def _read(file: Path, scanner: str | None) -> Calibration:
+def _read(file: Path, scanner: str | None) -> CalibrationFile:
     n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
     return formats.read_calibration(file, n_lasers)
 
 
-def _dialect(found: Calibration, file: Path, named: str | None, where: str) -> Dialect:
+def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
     return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
 
 
-def _scanner(found: Calibration, named: str | None) -> Scanner | None:
+def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
     name = named or found.scanner or BY_LASERS.get(len(found.parameters))
     return SCANNERS.get(name) if name else None
 
@@ -274,7 +274,7 @@ def _ranges(text: str) -> tuple[float, ...]:
     return found
 
 
-def _shown(found: Calibration) -> dict[str, Any]:
+def _shown(found: CalibrationFile) -> dict[str, Any]:
     """Columns in the units of users, deviations beside their parameter."""
     units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / np.pi)}
     columns: dict[str, Any] = {}

@@ -23,7 +23,7 @@ from velocal.calibration.files.decimals import (
     number,
     text,
 )
-from velocal.calibration.files.document import Calibration, Document
+from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
@@ -118,7 +118,12 @@ def _list(database: Element, tag: str) -> list[str | None]:
     return [item.text for item in database.iterfind(f"{tag}/item")]
 
 
-def write(path: Path, found: Calibration) -> None:
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does."""
+    return lasers.checked(parse(path), n_lasers)
+
+
+def write(path: Path, found: CalibrationFile) -> None:
     """Write the structure of the manufacturer's files, with the shortest exact numbers.
 
     Near-point corrections that a flag turns off are written without effect, as the file has no

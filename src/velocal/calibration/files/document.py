@@ -1,6 +1,6 @@
 """What all formats share: from what a file holds of single lasers to a checked calibration.
 
-A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `calibration`
+A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `checked`
 checks it and stops at the first fault, `velocal.calibration.lint` names all of them.
 """
 
@@ -53,8 +53,8 @@ OWN_KEYS: Keys = {
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """A calibration and what is known of it.
+class CalibrationFile:
+    """All that a calibration file holds: the parameters and what is known of them.
 
     Attributes
     ----------
@@ -62,6 +62,7 @@ class Calibration:
     dialect : str or None
         Name of the point formula that the numbers belong to; None where the file does not say.
     scanner : str or None
+        Name of the scanner; None where the file does not say.
     tick_m : float
         Metres of one unit of raw distance.
     std : mapping of str to ndarray, shape (n,)
@@ -219,14 +220,18 @@ def tick_m(document: Document) -> float:
     return DISTANCE_TICK_M if np.isclose(found, DISTANCE_TICK_M, rtol=1e-6) else found
 
 
-def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
-    """Check what a file holds and put it together.
+def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
+    """Check what a file holds, and take it as a calibration.
 
     Parameters
     ----------
     document : Document
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as there are.
+
+    Returns
+    -------
+    CalibrationFile
 
     Raises
     ------
@@ -270,7 +275,7 @@ def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
         **{name: columns[name] for name in PARAMETERS},
         carried={name: columns[name] for name in carried},
     )
-    return Calibration(parameters, document.dialect, tick_m=tick)
+    return CalibrationFile(parameters, document.dialect, tick_m=tick)
 
 
 def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:

@@ -8,7 +8,7 @@ import yaml
 
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED
-from velocal.calibration.files.document import Calibration, Document
+from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
@@ -60,7 +60,12 @@ def parse(path: Path) -> Document:
     )
 
 
-def write(path: Path, found: Calibration) -> None:
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does."""
+    return lasers.checked(parse(path), n_lasers)
+
+
+def write(path: Path, found: CalibrationFile) -> None:
     """Write all the keys that drivers ask for.
 
     Where the set carries no flag, it is set as the ROS driver's converter of XML does: where both

@@ -17,7 +17,7 @@ import numpy as np
 
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED, number
-from velocal.calibration.files.document import OWN_KEYS, Calibration, Document
+from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import PARAMETERS, TWO_POINT, Array
@@ -91,9 +91,9 @@ def parse(path: Path) -> Document:
     )
 
 
-def read(path: Path, n_lasers: int | None = None) -> Calibration:
-    """Read all that the file holds."""
-    content, found = _content(path), lasers.calibration(parse(path), n_lasers)
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does."""
+    content, found = _content(path), lasers.checked(parse(path), n_lasers)
     entries = sorted(content["lasers"], key=lambda entry: float(entry[LASER_ID]))
 
     def columns(part: str, names: Mapping[Any, str]) -> dict[Any, Array]:
@@ -116,7 +116,7 @@ def read(path: Path, n_lasers: int | None = None) -> Calibration:
     )
 
 
-def write(path: Path, found: Calibration) -> None:
+def write(path: Path, found: CalibrationFile) -> None:
     """Write all that is known; what is unknown (NaN) is null."""
     entries = []
     for laser, row in enumerate(lasers.rows(path, found.parameters)):

@@ -6,14 +6,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.calibration.dialects import PAPER, Dialect, dialect_named
 from velocal.errors import DialectError
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Ranges at which differences are stated unless others are asked for, metres.
 RANGES_M = (3.0, 10.0, 25.0, 80.0)

@@ -21,11 +21,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.scanner.models import AZIMUTH_TICK_DEG, Family, Scanner
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Ranges of the two-point correction: far point, near point along X and along Y, metres.
 FAR_M, NEAR_X_M, NEAR_Y_M = 25.04, 2.4, 1.93

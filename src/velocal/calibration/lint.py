@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.calibration.dialects import DIALECTS
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED
@@ -17,7 +18,7 @@ from velocal.calibration.files.document import Document
 from velocal.calibration.files.formats import format_of, read_calibration
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import SCANNERS, Scanner
-from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT, Array
+from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT
 
 #: Scanner with which a file of so many lasers is compared unless one is named.
 BY_LASERS = {64: "HDL-64E", 32: "HDL-32E", 16: "VLP-16"}

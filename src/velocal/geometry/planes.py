@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.capture.reading import ANY, Choice
 from velocal.packets.data import BLOCKS, Firings, decode, view
 from velocal.recording.scan import Inspection
@@ -105,13 +106,11 @@ class _Lasers:
         self.lowest = np.maximum(lowest, 1.0).astype(np.float32).reshape(-1, self.width)
         self.highest = highest.astype(np.float32).reshape(-1, self.width)
 
-    def _rows(self, constants: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _rows(self, constants: Array) -> NDArray[np.float32]:
         return constants.astype(np.float32).reshape(3, -1, self.width)
 
     @staticmethod
-    def _lines(
-        parameters: LaserParameters, turned: NDArray[np.float64], tick_m: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _lines(parameters: LaserParameters, turned: Array, tick_m: float) -> tuple[Array, Array]:
         """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
         alpha, v = parameters.alpha - turned, parameters.v
         sine, cosine = np.sin(alpha), np.cos(alpha)
@@ -154,7 +153,7 @@ class _Lasers:
 def place(
     firings: Firings,
     rotation: NDArray[np.int64],
-    time_s: NDArray[np.float64],
+    time_s: Array,
     lasers: _Lasers,
     frame: str,
 ) -> Columns:
@@ -214,10 +213,10 @@ class _Clock:
 
     def packets(
         self,
-        captured: NDArray[np.float64] | None,
+        captured: Array | None,
         stamps: NDArray[np.uint32],
         rotation: NDArray[np.int64],
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Time of packets, shape (n,), of the given rotations; NaN without a clock."""
         about = self.times[rotation]
         if self.kind == "device":
@@ -234,7 +233,7 @@ class _Clock:
             since += HOUR_S * np.rint((about - since) / HOUR_S)
         return np.asarray(since)
 
-    def firings(self, block: NDArray[np.int64]) -> NDArray[np.float64]:
+    def firings(self, block: NDArray[np.int64]) -> Array:
         """Time from the stamp of its packet to every firing, shape (n,), by its block."""
         shot = self.together * self.interval_s / BLOCKS
         time_s = block % BLOCKS // self.together * shot

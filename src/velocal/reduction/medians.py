@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.models import AZIMUTH_TICKS
 
@@ -120,7 +121,7 @@ def _dense_medians(
     keep_bin, keep_laser = np.nonzero(count >= max(min_count, 1))
     n = count[keep_bin, keep_laser]
 
-    def quantile(share: float) -> NDArray[np.float64]:
+    def quantile(share: float) -> Array:
         # Linear between order statistics, as numpy.quantile; the median is its 0.5.
         place = share * (n - 1)
         low = np.floor(place).astype(np.int64)

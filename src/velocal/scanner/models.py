@@ -13,6 +13,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 
 #: One tick of the raw distance, metres, where a scanner does not say otherwise (VLP-32C, VLS-128).
@@ -102,11 +103,11 @@ class Scanner:
     azimuth_bin_ticks: int
     max_range_m: float
     factory_byte: int | None
-    firing_time_s: NDArray[np.float64] | None = field(repr=False, compare=False)
-    vertical_rad: NDArray[np.float64] = field(repr=False, compare=False)
-    rotational_rad: NDArray[np.float64] = field(repr=False, compare=False)
-    horizontal_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
-    vertical_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
+    firing_time_s: Array | None = field(repr=False, compare=False)
+    vertical_rad: Array = field(repr=False, compare=False)
+    rotational_rad: Array = field(repr=False, compare=False)
+    horizontal_offset_m: Array = field(repr=False, compare=False)
+    vertical_offset_m: Array = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
     embeds_calibration: bool = False
@@ -151,7 +152,7 @@ class Scanner:
         return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)
 
     @property
-    def azimuth_delay_s(self) -> NDArray[np.float64]:
+    def azimuth_delay_s(self) -> Array:
         """Time from the raw azimuth to the azimuth of each laser in the model, (n_lasers,).
 
         That is when the laser fires, or zero in families that the manufacturer does not

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.models import Scanner
-
-Array = NDArray[np.float64]
 
 #: The parameters of the scanner model (equations 1-3), in the order of every matrix.
 PARAMETERS = ("dl", "alpha", "v", "voff", "hoff")

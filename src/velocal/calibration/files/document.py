@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from velocal.arrays import Array
 from velocal.calibration.files.decimals import UNCHANGED, number
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M
@@ -22,7 +23,6 @@ from velocal.scanner.parameters import (
     PARAMETERS,
     TWO_POINT,
     UNITS,
-    Array,
     LaserParameters,
 )
 

@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from velocal.arrays import Array
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED, number
 from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
-from velocal.scanner.parameters import PARAMETERS, TWO_POINT, Array
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT
 
 FORMAT, VERSION = "velocal calibration", 1
 LASER_ID = "laser_id"

@@ -40,6 +40,10 @@ class Interpolation(Enum):
     def delays_s(self, scanner: Scanner) -> Array:
         """Time from the azimuth of the firing to the azimuth of each laser.
 
+        Parameters
+        ----------
+        scanner : Scanner
+
         Returns
         -------
         ndarray, shape (n_lasers,)
@@ -109,7 +113,18 @@ class Dialect:
     rounds: bool = True
 
     def near(self, parameters: LaserParameters) -> tuple[Array, Array]:
-        """Near-point corrections along X and Y in effect, by laser; dl where there are none."""
+        """Near-point corrections that take effect; `dl` for lasers for which none do.
+
+        Parameters
+        ----------
+        parameters : LaserParameters
+            Numbers of this dialect.
+
+        Returns
+        -------
+        x, y : ndarray, shape (n,)
+            Corrections along X and along Y, by laser, metres.
+        """
         x, y = (parameters.carried.get(name) for name in NEAR_POINT)
         if self.two_point is None or x is None or y is None:
             return parameters.dl, parameters.dl
@@ -127,11 +142,30 @@ class Dialect:
         return np.where(acts, x, parameters.dl), np.where(acts, y, parameters.dl)
 
     def policy(self, scanner: Scanner) -> Interpolation:
-        """How the program finds the azimuths of a scanner's lasers."""
+        """Look up how the program finds the azimuths of a scanner's lasers.
+
+        Parameters
+        ----------
+        scanner : Scanner
+
+        Returns
+        -------
+        Interpolation
+        """
         return self.interpolation.get(scanner.family, Interpolation.NONE)
 
     def delays_s(self, scanner: Scanner) -> Array:
-        """Time after the start of the firing at which azimuths are taken, shape (n_lasers,)."""
+        """Time after the start of the firing at which azimuths are taken.
+
+        Parameters
+        ----------
+        scanner : Scanner
+
+        Returns
+        -------
+        ndarray, shape (n_lasers,)
+            Seconds.
+        """
         return self.policy(scanner).delays_s(scanner)
 
     def azimuths(
@@ -166,7 +200,7 @@ class Dialect:
         laser_id: NDArray[np.integer],
         parameters: LaserParameters,
     ) -> Array:
-        """Points that the program computes, metres, shape (n, 3).
+        """Compute points as the program does.
 
         Parameters
         ----------
@@ -177,6 +211,11 @@ class Dialect:
         laser_id : ndarray of int, shape (n,)
         parameters : LaserParameters
             Numbers of this dialect.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Scanner frame of this project, metres.
         """
         v, voff, hoff = (getattr(parameters, name)[laser_id] for name in ("v", "voff", "hoff"))
         theta = azimuth - parameters.alpha[laser_id] if self.alpha else azimuth
@@ -280,6 +319,16 @@ PAPER, MANUAL = DIALECTS["paper"], DIALECTS["manual"]
 
 def dialect_named(name: str, *, where: str | None = None) -> Dialect:
     """Look up a dialect.
+
+    Parameters
+    ----------
+    name : str
+    where : str, optional
+        Where the name stands, for the error.
+
+    Returns
+    -------
+    Dialect
 
     Raises
     ------

@@ -30,11 +30,27 @@ class Plane:
     covariance: Array
 
     def distance(self, points: Array) -> Array:
-        """Signed orthogonal distance of points, shape (..., 3); the paper's D, equation (4)."""
+        """Signed orthogonal distance of points from the plane; the paper's D, equation (4).
+
+        Parameters
+        ----------
+        points : ndarray, shape (..., 3)
+            Metres, in the frame of the plane.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Metres; positive on the side to which the normal points.
+        """
         return points @ self.normal + self.offset
 
     def general_form(self) -> Array:
         """Coefficients (a, b, c) of the paper's aX + bY + cZ + 1 = 0, for reports only.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            a, b and c, per metre.
 
         Raises
         ------
@@ -88,6 +104,11 @@ def fit_plane(points: Array, std: Array | None = None, covariance: Array | None 
     covariance : ndarray, shape (3 n, 3 n), optional
         Of the coordinates of all points, from which that of the plane follows; weights are those
         of `std`, which knows nothing of what the points have in common.
+
+    Returns
+    -------
+    PlaneFit
+        Its covariance follows from `covariance`, from `std`, or else from the residuals.
 
     Raises
     ------
@@ -146,7 +167,19 @@ class Patch:
     corners: Array
 
     def contains(self, points: Array, margin_m: float = 0.0) -> NDArray[np.bool_]:
-        """Tell which points, shape (n, 3), project into the hull, `margin_m` inside its edge."""
+        """Tell which points lie above or below the hull, seen along the normal.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+            Metres, in the frame of the patch.
+        margin_m : float
+            Points must lie this far inside the edge of the hull.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
         inside = np.ones(len(points), dtype=bool)
         centre = self.corners.mean(axis=0)
         for start, end in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
@@ -159,7 +192,19 @@ class Patch:
 
 
 def hull_patch(name: str, fit: PlaneFit, points: Array) -> Patch:
-    """Bound a fitted plane by the convex hull of points, shape (n, 3).
+    """Bound a fitted plane by the convex hull of points.
+
+    Parameters
+    ----------
+    name : str
+        Name of the wall or floor.
+    fit : PlaneFit
+    points : ndarray, shape (n, 3)
+        Metres; they are projected onto the plane.
+
+    Returns
+    -------
+    Patch
 
     Raises
     ------

@@ -25,7 +25,17 @@ HALF_HEIGHT = 4.0
 
 
 def surface(after: Cloud) -> FieldPlane | None:
-    """The flat surface that most lasers see, so that they can be compared; None without any."""
+    """Find the flat surface that most lasers see, so that they can be compared.
+
+    Parameters
+    ----------
+    after : Cloud
+
+    Returns
+    -------
+    FieldPlane or None
+        None if no plane is found.
+    """
     planes, _ = find_planes(after, SEARCH)
     return max(planes, key=lambda plane: len(np.unique(after.laser_id[plane.rows])), default=None)
 
@@ -47,6 +57,11 @@ def before_and_after(
     labels : sequence of two str
         What they are called.
     title : str
+
+    Returns
+    -------
+    Figure
+        A plan of the points; beside it the surface edge-on with each calibration, if one is found.
     """
     # Random, because every n-th return would always be of the same few lasers.
     rng = np.random.default_rng(SEARCH.seed)

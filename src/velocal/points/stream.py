@@ -76,7 +76,19 @@ class Settings:
 
 
 def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
-    """Rate of rotations; that of the whole recording, or 0, where they do not tell."""
+    """Rate of some rotations; that of the whole recording, or 0, if they do not tell.
+
+    Parameters
+    ----------
+    inspection : Inspection
+    rotations : ndarray of int64
+        Numbers of the rotations.
+
+    Returns
+    -------
+    float
+        Rotations per second.
+    """
     for rate in (inspection.index.rate_hz(rotations), inspection.index.rate_hz()):
         if np.isfinite(rate):
             return rate
@@ -157,15 +169,25 @@ def place(
     lasers: _Lasers,
     frame: str,
 ) -> Columns:
-    """Points of firings, of those returns that are within the limits of range.
+    """Compute the points of those returns of firings that are within the limits of range.
 
     Parameters
     ----------
     firings : Firings
+        n firings.
     rotation : ndarray of int, shape (n,)
         Rotation of every firing; -1 for one that is left out.
     time_s : ndarray, shape (n,)
         When it began.
+    lasers : _Lasers
+        Constants of the lasers.
+    frame : {"velocal", "ros"}
+        Frame of the coordinates.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (m,)
+        Columns as `stream` gives them.
     """
     bank = (firings.first_laser // 32).astype(np.intp)
     ticks = firings.distance.astype(np.float32)

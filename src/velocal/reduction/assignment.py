@@ -41,7 +41,17 @@ class Limits:
 
     @classmethod
     def from_config(cls, gates: Mapping[str, float]) -> Limits:
-        """Limits out of the configuration's `distance_cm`, `edge_cm` and `incidence_deg`."""
+        """Take limits out of the configuration.
+
+        Parameters
+        ----------
+        gates : mapping of str to float
+            `distance_cm`, `edge_cm` and `incidence_deg`.
+
+        Returns
+        -------
+        Limits
+        """
         return cls(
             gates["distance_cm"] * 1e-2, gates["edge_cm"] * 1e-2, np.deg2rad(gates["incidence_deg"])
         )

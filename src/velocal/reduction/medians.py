@@ -65,6 +65,11 @@ def binned_medians(
     min_count : int
         Bins with fewer returns are left out.
 
+    Returns
+    -------
+    Medians
+        Sorted by laser, then azimuth.
+
     Raises
     ------
     VelocalError

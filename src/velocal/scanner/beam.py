@@ -169,6 +169,11 @@ class Beams:
         scanner : Scanner
         rotation_rate_hz : float
             Decides the angle at which the later lasers of a firing fired.
+
+        Returns
+        -------
+        Beams
+            In the order of the rows.
         """
         laser_id = columns["laser_id"]
         rate = 2.0 * np.pi * rotation_rate_hz
@@ -187,5 +192,15 @@ class Beams:
         return Beams(self.distance_m[rows], self.phi[rows], self.laser_id[rows], self.tick_m)
 
     def points(self, parameters: LaserParameters) -> Array:
-        """Points with a calibration, scanner frame, metres, shape (n, 3)."""
+        """Points that a calibration gives.
+
+        Parameters
+        ----------
+        parameters : LaserParameters
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Scanner frame, metres.
+        """
         return points(self.distance_m, self.phi, self.laser_id, parameters)

@@ -123,7 +123,18 @@ class Scanner:
         return 32 // self.firings_per_block
 
     def azimuth_bin(self, width_deg: float | None) -> int:
-        """Width of an azimuth bin in raw azimuth ticks; the default if no width is given."""
+        """Width of an azimuth bin in raw azimuth ticks.
+
+        Parameters
+        ----------
+        width_deg : float or None
+            Degrees; None for the default of the scanner.
+
+        Returns
+        -------
+        int
+            Hundredths of a degree.
+        """
         return self.azimuth_bin_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
 
     @property
@@ -392,6 +403,16 @@ SCANNERS: dict[str, Scanner] = {
 
 def scanner_named(name: str, *, where: str | None = None) -> Scanner:
     """Look up a scanner.
+
+    Parameters
+    ----------
+    name : str
+    where : str, optional
+        Where the name stands, for the error.
+
+    Returns
+    -------
+    Scanner
 
     Raises
     ------

@@ -57,10 +57,19 @@ class LaserParameters:
         return len(self.dl)
 
     def corrected(self, corrections: Mapping[str, Array]) -> LaserParameters:
-        """Return the set with corrections added.
+        """Add corrections to some of the parameters.
 
         A correction of `dl` moves the near-point corrections of two-point files by the same
         amount, so that a driver that interpolates between them sees the same change.
+
+        Parameters
+        ----------
+        corrections : mapping of str to ndarray, shape (n,)
+            By parameter, in its unit.
+
+        Returns
+        -------
+        LaserParameters
         """
         changed = {name: getattr(self, name) + value for name, value in corrections.items()}
         carried = dict(self.carried)
@@ -72,7 +81,17 @@ class LaserParameters:
 
 
 def nominal(scanner: Scanner) -> LaserParameters:
-    """Parameters of the design: nominal angles and offsets, no distance correction."""
+    """Make the parameters of the design: nominal angles and offsets, no distance correction.
+
+    Parameters
+    ----------
+    scanner : Scanner
+
+    Returns
+    -------
+    LaserParameters
+        Its arrays are copies.
+    """
     return LaserParameters(
         dl=np.zeros(scanner.n_lasers),
         alpha=scanner.rotational_rad.copy(),

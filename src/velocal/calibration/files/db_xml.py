@@ -55,7 +55,22 @@ N_ITEMS = 64
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; lasers that are not enabled, or only fill the lists up, are left out."""
+    """Take the file apart; lasers that are not enabled, or only fill the lists up, are left out.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     data = lasers.content(path)
     database = _database(data, path)
     enabled = [number(item, "enabled_", str(path)) for item in _list(database, "enabled_")]
@@ -119,7 +134,23 @@ def _list(database: Element, tag: str) -> list[str | None]:
 
 
 def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read all that the file holds, checked as `document.checked` does."""
+    """Read all that the file holds, checked as `document.checked` does.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
     return lasers.checked(parse(path), n_lasers)
 
 
@@ -128,6 +159,16 @@ def write(path: Path, found: CalibrationFile) -> None:
 
     Near-point corrections that a flag turns off are written without effect, as the file has no
     flag. The dialect stands in a comment at the very end, where no reader stumbles on it.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite.
     """
     parameters = found.parameters
     rows = [lasers.neutral(row) for row in lasers.rows(path, parameters)]

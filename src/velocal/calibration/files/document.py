@@ -122,6 +122,14 @@ class Document:
 def content(path: Path) -> bytes:
     """Read a file.
 
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    bytes
+
     Raises
     ------
     CalibrationFileError
@@ -143,6 +151,17 @@ def content(path: Path) -> bytes:
 def laser_id(value: object, key: str, where: str) -> int:
     """Convert a laser id, which some files write as `0.0`.
 
+    Parameters
+    ----------
+    value : object
+        What the file holds; None if it has no such key.
+    key, where : str
+        Named in errors.
+
+    Returns
+    -------
+    int
+
     Raises
     ------
     CalibrationFileError
@@ -157,7 +176,22 @@ def laser_id(value: object, key: str, where: str) -> int:
 
 
 def value(document: Document, name: str, found: Mapping[str, object], where: str) -> float | None:
-    """Convert one value of a laser; None where an optional one is absent.
+    """Convert one value of a laser.
+
+    Parameters
+    ----------
+    document : Document
+    name : str
+        Our name of the value.
+    found : mapping of str to object
+        Values of the laser under the keys of the file.
+    where : str
+        Named in errors.
+
+    Returns
+    -------
+    float or None
+        Metres, radians, or a plain number; None if an optional value is absent.
 
     Raises
     ------
@@ -181,6 +215,16 @@ def neutral(known: Values) -> dict[str, float]:
     """Complete the values of a laser by ones that leave every reader's points as they are.
 
     Near-point corrections equal to the distance correction make the two-point interpolation vanish.
+
+    Parameters
+    ----------
+    known : mapping of str to float
+        Values of the laser by our names.
+
+    Returns
+    -------
+    dict of str to float
+        All values that any format writes.
     """
     dl = known.get("dl", 0.0)
     return {
@@ -198,7 +242,16 @@ def neutral(known: Values) -> dict[str, float]:
 
 
 def tick_m(document: Document) -> float:
-    """Metres of one unit of raw distance, as the file states it.
+    """Find the size of one unit of raw distance.
+
+    Parameters
+    ----------
+    document : Document
+
+    Returns
+    -------
+    float
+        Metres; 2 mm if the file does not state it.
 
     Raises
     ------
@@ -304,7 +357,18 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
 
 
 def rows(path: Path, parameters: LaserParameters) -> list[dict[str, float]]:
-    """Take a set apart into the values of its lasers, for writing.
+    """List the values of each laser, for writing.
+
+    Parameters
+    ----------
+    path : Path
+        Named in errors.
+    parameters : LaserParameters
+
+    Returns
+    -------
+    list of dict of str to float
+        By laser: its parameters and carried values, by our names.
 
     Raises
     ------

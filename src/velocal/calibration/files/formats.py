@@ -19,13 +19,55 @@ class Codec(Protocol):
     """What a module of this folder does for one format."""
 
     def parse(self, path: Path) -> Document:
-        """Take a file apart without judging what it holds."""
+        """Take a file apart without judging what it holds.
+
+        Parameters
+        ----------
+        path : Path
+
+        Returns
+        -------
+        Document
+            As the file is, right or wrong.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the file cannot be read, or is not of this format.
+        """
 
     def read(self, path: Path, n_lasers: int | None = None) -> CalibrationFile:
-        """Read and check all that a file holds."""
+        """Read and check all that a file holds.
+
+        Parameters
+        ----------
+        path : Path
+        n_lasers : int, optional
+            Number of lasers of the scanner; if None, as many as the file has.
+
+        Returns
+        -------
+        CalibrationFile
+
+        Raises
+        ------
+        CalibrationFileError
+            If the file is damaged, or not of a scanner with so many lasers.
+        """
 
     def write(self, path: Path, found: CalibrationFile) -> None:
-        """Write a file with the numbers as they are."""
+        """Write a file with the numbers as they are.
+
+        Parameters
+        ----------
+        path : Path
+        found : CalibrationFile
+
+        Raises
+        ------
+        CalibrationFileError
+            If a value is not finite.
+        """
 
 
 # A format is imported when it is first used: who writes one does not load the others.

@@ -19,7 +19,22 @@ LASER_ID = "laser_id"
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; standard deviations are skipped."""
+    """Take the file apart; standard deviations are skipped.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     try:
         # Spreadsheets put a byte order mark before the text.
         text = lasers.content(path).decode("utf-8-sig")
@@ -60,7 +75,23 @@ def _check_header(path: Path, header: list[str]) -> None:
 
 
 def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read the parameters, checked as `document.checked` does; standard deviations are skipped."""
+    """Read the parameters, checked as `document.checked` does; standard deviations are skipped.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
     return lasers.checked(parse(path), n_lasers)
 
 

@@ -79,7 +79,22 @@ def _only(found: Any, allowed: Any, where: str) -> None:
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart, without standard deviations and covariances."""
+    """Take the file apart, without standard deviations and covariances.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     content = _content(path)
     return Document(
         path,
@@ -93,7 +108,23 @@ def parse(path: Path) -> Document:
 
 
 def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read all that the file holds, checked as `document.checked` does."""
+    """Read all that the file holds, checked as `document.checked` does.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
     content, found = _content(path), lasers.checked(parse(path), n_lasers)
     entries = sorted(content["lasers"], key=lambda entry: float(entry[LASER_ID]))
 
@@ -118,7 +149,18 @@ def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
 
 
 def write(path: Path, found: CalibrationFile) -> None:
-    """Write all that is known; what is unknown (NaN) is null."""
+    """Write all that is known; what is unknown (NaN) is null.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite.
+    """
     entries = []
     for laser, row in enumerate(lasers.rows(path, found.parameters)):
         entry: dict[str, Any] = {LASER_ID: laser}

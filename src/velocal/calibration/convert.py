@@ -63,8 +63,8 @@ def max_point_distance(
         raw = np.maximum(range_m - first[1].dl, 0.0)[laser]
         xyz = []
         for dialect, parameters in (first, second):
-            turned = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
-            xyz.append(dialect.points(raw, turned, laser, parameters))
+            phi = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
+            xyz.append(dialect.points(raw, phi, laser, parameters))
         between = np.linalg.norm(xyz[0] - xyz[1], axis=1)
         result.append(between.reshape(n_lasers, -1).max(axis=1))
     return np.array(result)

@@ -35,7 +35,7 @@ class Interpolation(Enum):
 
     NONE = "all lasers of a firing have its azimuth"
     ALL_LASERS = "each laser has the azimuth at which it fires"
-    AS_HDL32 = "one laser after the other, a fortieth of the cycle apart, as an HDL-32E fires"
+    AS_HDL32 = "one laser after the other, each a fortieth of the cycle later, as an HDL-32E fires"
 
     def delays_s(self, scanner: Scanner) -> Array:
         """Time from the azimuth of the firing to the azimuth of each laser.
@@ -58,7 +58,7 @@ class Interpolation(Enum):
 
 @dataclass(frozen=True)
 class TwoPoint:
-    """Distance correction interpolated between a far and a near point, along X and Y apart.
+    """Distance correction interpolated between a far and a near point, for X and Y separately.
 
     Attributes
     ----------
@@ -187,11 +187,11 @@ class Dialect:
         ndarray, shape (n,)
             Radians.
         """
-        turned = raw + 2.0 * np.pi * rate_hz * self.delays_s(scanner)[laser_id]
+        fired = raw + 2.0 * np.pi * rate_hz * self.delays_s(scanner)[laser_id]
         if not self.rounds:
-            return np.asarray(turned)
+            return np.asarray(fired)
         tick = np.deg2rad(AZIMUTH_TICK_DEG)
-        return np.asarray(np.round(turned / tick) * tick)
+        return np.asarray(np.round(fired / tick) * tick)
 
     def points(
         self,
@@ -333,7 +333,7 @@ def dialect_named(name: str, *, where: str | None = None) -> Dialect:
     Raises
     ------
     ConfigError
-        If none has that name.
+        If no dialect has that name.
     """
     try:
         return DIALECTS[name]

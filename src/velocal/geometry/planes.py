@@ -102,8 +102,8 @@ def fit_plane(points: Array, std: Array | None = None, covariance: Array | None 
         Isotropic standard deviation of every point, metres; equal and estimated from the
         residuals if omitted.
     covariance : ndarray, shape (3 n, 3 n), optional
-        Of the coordinates of all points, from which that of the plane follows; weights are those
-        of `std`, which knows nothing of what the points have in common.
+        Of the coordinates of all points, from which that of the plane follows; the weights
+        are those of `std`, without the correlations between points.
 
     Returns
     -------
@@ -137,10 +137,10 @@ def fit_plane(points: Array, std: Array | None = None, covariance: Array | None 
     design = np.column_stack([centred @ tangent, np.ones(len(points))])
     cofactor = np.linalg.inv((design * weight[:, None]).T @ design)
     if covariance is not None:
-        gain = cofactor @ (design * weight[:, None]).T
+        influence = cofactor @ (design * weight[:, None]).T
         blocks = covariance.reshape(len(points), 3, len(points), 3)
         across = np.einsum("i,aibj,j->ab", normal, blocks, normal, optimize=True)
-        cofactor, scale = gain @ across @ gain.T, 1.0
+        cofactor, scale = influence @ across @ influence.T, 1.0
     spread = np.zeros((4, 3))
     spread[:3, :2] = tangent
     spread[3, :2] = -centre @ tangent

@@ -1,4 +1,4 @@
-"""What a calibration changes, seen: a plan of the points, and a flat surface before and after."""
+"""Picture of what a calibration changes: plan of the points, a flat surface before and after."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of a recording, fast: one calibration, or how far two of them put each point apart.
+"""Points of a recording with one calibration, and how far another one would shift each point.
 
 Equations (1) to (3) at rotational angle 0 are linear in the raw distance,
 
@@ -8,8 +8,9 @@ with constants of the laser, and the head turns (p, q) as a whole:
 
     X = sin(phi) p - cos(phi) q      Y = cos(phi) p + sin(phi) q
 
-so that a point costs no sine of its own, and the way between the points of two calibrations does
-not depend on phi. Single precision: within a few hundredths of a millimetre at 100 m.
+so that sines are looked up once for each firing, and the distance between the points of two
+calibrations does not depend on phi. Single precision: within a few hundredths of a millimetre at
+100 m.
 """
 
 from __future__ import annotations
@@ -101,16 +102,16 @@ class _Lasers:
     def __init__(self, settings: Settings, rate_hz: float) -> None:
         scanner = settings.scanner
         self.width = scanner.lasers_per_firing
-        late = scanner.azimuth_delay_s
-        tick_m, turned = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * late
-        slope, start = self._lines(settings.parameters, turned, tick_m)
+        delay_s = scanner.azimuth_delay_s
+        tick_m, rotated = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * delay_s
+        slope, start = self._lines(settings.parameters, rotated, tick_m)
         self.slope, self.start = self._rows(slope), self._rows(start)
-        self.late = late.reshape(-1, self.width)
-        self.apart: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+        self.delay_s = delay_s.reshape(-1, self.width)
+        self.differences: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
         if settings.before is not None:
-            slope_0, start_0 = self._lines(settings.before, turned, tick_m)
+            slope_0, start_0 = self._lines(settings.before, rotated, tick_m)
             ways = zip(self._rows(slope - slope_0), self._rows(start - start_0), strict=True)
-            self.apart = list(ways)
+            self.differences = list(ways)
         dl = settings.parameters.dl
         lowest = np.ceil((settings.min_range_m - dl) / scanner.distance_tick_m)
         highest = np.floor((settings.max_range_m - dl) / scanner.distance_tick_m)
@@ -122,9 +123,9 @@ class _Lasers:
         return constants.astype(np.float32).reshape(3, -1, self.width)
 
     @staticmethod
-    def _lines(parameters: LaserParameters, turned: Array, tick_m: float) -> tuple[Array, Array]:
+    def _lines(parameters: LaserParameters, rotated: Array, tick_m: float) -> tuple[Array, Array]:
         """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
-        alpha, v = parameters.alpha - turned, parameters.v
+        alpha, v = parameters.alpha - rotated, parameters.v
         sine, cosine = np.sin(alpha), np.cos(alpha)
         along = np.stack([np.cos(v) * cosine, np.cos(v) * sine, np.sin(v)])
         offset = np.stack([-parameters.hoff * sine, parameters.hoff * cosine, parameters.voff])
@@ -137,8 +138,8 @@ class _Lasers:
         return self._along(ticks, bank, zip(self.slope, self.start, strict=True))
 
     def shift(self, ticks: NDArray[np.float32], bank: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Way from the point of the calibration before, metres, shape (n, width)."""
-        x, y, z = self._along(ticks, bank, self.apart)
+        """Distance from the point with the calibration before, metres, shape (n, width)."""
+        x, y, z = self._along(ticks, bank, self.differences)
         x *= x
         y *= y
         z *= z
@@ -214,9 +215,9 @@ def place(
         "rotation": np.repeat(rotation.astype(np.uint32), count),
         "time": np.repeat(time_s, count),
     }
-    if lasers.late.any():
-        columns["time"] += lasers.late.take(bank, axis=0)[used]
-    if lasers.apart:
+    if lasers.delay_s.any():
+        columns["time"] += lasers.delay_s.take(bank, axis=0)[used]
+    if lasers.differences:
         columns["shift"] = lasers.shift(ticks, bank)[used]
     return columns
 

@@ -114,7 +114,7 @@ class Scanner:
 
     @property
     def short_name(self) -> str:
-        """Number of lasers, by which names of printed statements tell scanners apart."""
+        """Number of lasers, which ends the names of printed statements about the scanner."""
         return str(self.n_lasers)
 
     @property
@@ -159,7 +159,7 @@ class Scanner:
 
     @property
     def factory_bytes(self) -> tuple[int, ...]:
-        """Every product byte that the scanner may send; empty where it sends none."""
+        """Every product byte that the scanner may send; empty if it sends no such byte."""
         return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)
 
     @property
@@ -385,7 +385,7 @@ def _vls128() -> Scanner:
     )
 
 
-#: Every scanner that can be named in a sheet. "HDL-64E" is an S2; an S3 sends alike.
+#: Every scanner that can be named in a sample table. "HDL-64E" is an S2; an S3 sends alike.
 SCANNERS: dict[str, Scanner] = {
     scanner.name: scanner
     for scanner in (

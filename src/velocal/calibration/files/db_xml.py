@@ -55,7 +55,7 @@ N_ITEMS = 64
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; lasers that are not enabled, or only fill the lists up, are left out.
+    """Parse the file; lasers that are not enabled, or only fill the lists up, are left out.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def parse(path: Path) -> Document:
         place = f"item {index}"
         try:
             laser = lasers.laser_id(entry.get("id_"), "id_", place)
-        except CalibrationFileError:  # judged later
+        except CalibrationFileError:  # checked later
             laser = index
         if laser < len(enabled) and not enabled[laser]:
             continue

@@ -84,7 +84,7 @@ class CalibrationFile:
 
 @dataclass(frozen=True)
 class Document:
-    """What a file holds, not yet judged.
+    """What a file holds, before it is checked.
 
     Attributes
     ----------
@@ -266,7 +266,7 @@ def tick_m(document: Document) -> float:
         raise CalibrationFileError(
             f"{key} is {found:g} m",
             where=str(document.path),
-            allowed="0.002 m, or 0.004 m for a VLS-128",
+            allowed="0.002 m, or 0.004 m for a VLP-32C or VLS-128",
             hint="Centimetres where metres are expected?" if np.isclose(found, 0.2) else None,
         )
     # Files in centimetres give 0.2: the decimal is exact, and so is what is compared with it.
@@ -344,11 +344,11 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
             allowed=f"{n_lasers}, as the scanner has",
             hint="Is this the file of another scanner?",
         )
-    odd = {"missing": wanted - ids, "unknown": ids - wanted}
+    faults = {"missing": wanted - ids, "unknown": ids - wanted}
     raise CalibrationFileError(
         "; ".join(
             f"laser ids {what}: {', '.join(map(str, sorted(some)))}"
-            for what, some in odd.items()
+            for what, some in faults.items()
             if some
         ),
         where=str(path),

@@ -19,7 +19,7 @@ class Codec(Protocol):
     """What a module of this folder does for one format."""
 
     def parse(self, path: Path) -> Document:
-        """Take a file apart without judging what it holds.
+        """Parse a file without checking what it holds.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ def format_of(path: Path) -> Format:
     Raises
     ------
     CalibrationFileError
-        If it names none.
+        If it names no known format.
     """
     try:
         return FORMATS[path.suffix.lower()]

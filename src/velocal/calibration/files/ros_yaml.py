@@ -25,7 +25,7 @@ KEYS: lasers.Keys = {
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; a laser without the two-point flag has it off, as in ROS.
+    """Parse the file; a laser without the two-point flag has it off, as in ROS.
 
     Parameters
     ----------

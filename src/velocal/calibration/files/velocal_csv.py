@@ -19,7 +19,7 @@ LASER_ID = "laser_id"
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; standard deviations are skipped.
+    """Parse the file; standard deviations are skipped.
 
     Parameters
     ----------

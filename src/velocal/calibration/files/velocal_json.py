@@ -79,7 +79,7 @@ def _only(found: Any, allowed: Any, where: str) -> None:
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart, without standard deviations and covariances.
+    """Parse the file, without standard deviations and covariances.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Observation files of a survey: points, sights of total stations, image rays, readings."""
+"""Observation files of a survey: points, polar and image observations, base coordinates."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 
 from velocal.errors import SurveyError
 from velocal.io import storage
-from velocal.survey.network.model import NO_RAYS, Control, Observed
+from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
 from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets
 
 Array = NDArray[np.float64]
 
-SIGHTS = ("direction_deg", "zenith_deg", "distance_m")
-SIGHT_DEVIATIONS = ("std_direction_arcsec", "std_zenith_arcsec", "std_distance_mm")
+POLAR = ("direction_deg", "zenith_deg", "distance_m")
+POLAR_DEVIATIONS = ("std_direction_arcsec", "std_zenith_arcsec", "std_distance_mm")
 #: Inside units (radians, metres) of a unit of the columns above.
-SIGHT_UNITS = np.array([np.pi / 180.0, np.pi / 180.0, 1.0])
+POLAR_UNITS = np.array([np.pi / 180.0, np.pi / 180.0, 1.0])
 DEVIATION_UNITS = np.array([np.pi / 648e3, np.pi / 648e3, 1e-3])
-RAYS = ("x_mm", "y_mm", "std_um", "principal_distance_mm")
-#: Files of a field book; without images the targets of the planes stand in `network`.
+IMAGE = ("x_mm", "y_mm", "std_um", "principal_distance_mm")
+#: Files of a field book, as the configuration names them. Without images the targets of the planes
+#: stand in `network`.
 FILES = ("points", "network", "images", "base_sights", "base_readings")
 
 
@@ -33,27 +34,27 @@ class FieldBook:
 
     Attributes
     ----------
-    control : Control
+    control : ControlPoints
         Control points with approximate coordinates; they define the datum.
     planes : dict of str to str
         Plane of every target on walls and floor.
-    network : Observed
-        Sights to the control points, and to whatever else.
-    images : Observed
-        Image rays; none if there are no images.
-    base_sights : dict of str to Observed
-        By position: sights to control points and to the targets of the base.
-    base_readings : dict of str to Targets
-        By scanner: repeated readings, a target in several rows, with the stated standard
-        deviation of a reading.
+    polar : PolarObservations
+        Of the control points, and of other points that were observed with them.
+    images : ImageObservations
+        Without rows if no images were taken.
+    base_polar : dict of str to PolarObservations
+        By position: observations of control points and of the targets of the scanner's base.
+    base_coordinates : dict of str to Targets
+        By scanner: repeated coordinates of the targets of its base in the scanner frame. A target
+        has several rows, with the stated standard deviation of a single measurement.
     """
 
-    control: Control
+    control: ControlPoints
     planes: dict[str, str]
-    network: Observed
-    images: Observed = NO_RAYS
-    base_sights: dict[str, Observed] = field(default_factory=dict)
-    base_readings: dict[str, Targets] = field(default_factory=dict)
+    polar: PolarObservations
+    images: ImageObservations = field(default_factory=lambda: ImageObservations.joined([]))
+    base_polar: dict[str, PolarObservations] = field(default_factory=dict)
+    base_coordinates: dict[str, Targets] = field(default_factory=dict)
 
 
 def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
@@ -85,31 +86,32 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
             f"{known.sum()} points with approximate coordinates",
             where=where,
             allowed="3 or more control points",
-            hint="Their approximate coordinates define the field frame.",
+            hint="Their approximate coordinates define the site frame.",
         )
     on_plane = (points["plane"] != "").to_numpy()
-    sights = _table(paths["base_sights"], ("position", "station", "target"),
-                    (*SIGHTS, *SIGHT_DEVIATIONS))  # fmt: skip
-    readings = _table(paths["base_readings"], ("scanner", "target"), (*COORDINATES, *DEVIATIONS))
-    _check_values(readings, COORDINATES, DEVIATIONS, str(paths["base_readings"]))
-    network = _table(paths["network"], ("station", "target"), (*SIGHTS, *SIGHT_DEVIATIONS))
+    base_polar = _table(
+        paths["base_sights"], ("position", "station", "target"), (*POLAR, *POLAR_DEVIATIONS)
+    )
+    base = _table(paths["base_readings"], ("scanner", "target"), (*COORDINATES, *DEVIATIONS))
+    _check_values(base, COORDINATES, DEVIATIONS, str(paths["base_readings"]))
+    polar = _table(paths["network"], ("station", "target"), (*POLAR, *POLAR_DEVIATIONS))
     return FieldBook(
-        control=Control(tuple(points["target"][known]), xyz[known]),
+        control=ControlPoints(tuple(points["target"][known]), xyz[known]),
         planes=dict(zip(points["target"][on_plane], points["plane"][on_plane], strict=True)),
-        network=_sights(network, str(paths["network"])),
-        images=_rays(paths["images"]) if paths.get("images") else NO_RAYS,
-        base_sights={
-            str(name): _sights(part, str(paths["base_sights"]))
-            for name, part in sights.groupby("position", sort=False)
+        polar=_polar(polar, str(paths["network"])),
+        images=(_images(paths["images"]) if paths.get("images") else ImageObservations.joined([])),
+        base_polar={
+            str(name): _polar(part, str(paths["base_sights"]))
+            for name, part in base_polar.groupby("position", sort=False)
         },
-        base_readings={
+        base_coordinates={
             str(name): Targets(
                 tuple(part["target"]),
                 tuple(part["scanner"]),
                 part[list(COORDINATES)].to_numpy(dtype=float),
                 part[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
             )
-            for name, part in readings.groupby("scanner", sort=False)
+            for name, part in base.groupby("scanner", sort=False)
         },
     )
 
@@ -117,7 +119,16 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
 def write_field_book(
     book: FieldBook, paths: Mapping[str, Path], principal_distance_mm: float
 ) -> None:
-    """Write the observation files: angles to 1e-6 deg, lengths to 0.01 mm, images to 10 nm."""
+    """Write the observation files: angles to 1e-6 deg, lengths to 0.01 mm, images to 10 nm.
+
+    Parameters
+    ----------
+    book : FieldBook
+    paths : mapping of str to Path
+        `FILES`.
+    principal_distance_mm : float
+        Of the camera that took all images.
+    """
     names = list(dict.fromkeys((*book.control.name, *book.planes)))
     xyz = dict(zip(book.control.name, (np.round(book.control.xyz, 5) + 0.0).tolist(), strict=True))
     table: dict[str, Sequence[object]] = {
@@ -127,12 +138,13 @@ def write_field_book(
     for axis, column in enumerate(COORDINATES):
         table[column] = [xyz[name][axis] if name in xyz else np.nan for name in names]
     storage.write_csv(paths["points"], pd.DataFrame(table))
-    storage.write_csv(paths["network"], _sight_table(book.network))
+    storage.write_csv(paths["network"], _polar_table(book.polar))
     parts = [
-        _sight_table(part).assign(position=name)[["position", "station", "target", *SIGHTS,
-                                                  *SIGHT_DEVIATIONS]]
-        for name, part in book.base_sights.items()
-    ]  # fmt: skip
+        _polar_table(part).assign(position=name)[
+            ["position", "station", "target", *POLAR, *POLAR_DEVIATIONS]
+        ]
+        for name, part in book.base_polar.items()
+    ]
     storage.write_csv(paths["base_sights"], pd.concat(parts, ignore_index=True))
     value = book.images.value * principal_distance_mm
     images = {
@@ -144,7 +156,7 @@ def write_field_book(
         "principal_distance_mm": np.full(len(value), principal_distance_mm),
     }
     storage.write_csv(paths["images"], pd.DataFrame(images))
-    readings = [
+    coordinates = [
         pd.DataFrame(
             {
                 "scanner": part.group,
@@ -153,20 +165,20 @@ def write_field_book(
                 **{c: np.round(part.std[:, i] * 1e3, 3) for i, c in enumerate(DEVIATIONS)},
             }
         )
-        for part in book.base_readings.values()
+        for part in book.base_coordinates.values()
     ]
-    storage.write_csv(paths["base_readings"], pd.concat(readings, ignore_index=True))
+    storage.write_csv(paths["base_readings"], pd.concat(coordinates, ignore_index=True))
 
 
-def _sight_table(sights: Observed) -> pd.DataFrame:
-    value, std = sights.value / SIGHT_UNITS, sights.std / DEVIATION_UNITS
+def _polar_table(polar: PolarObservations) -> pd.DataFrame:
+    value, std = polar.value / POLAR_UNITS, polar.std / DEVIATION_UNITS
     value[:, 0] = np.mod(value[:, 0], 360.0)
     return pd.DataFrame(
         {
-            "station": sights.setup,
-            "target": sights.target,
-            **{c: np.round(value[:, i], 6 if i < 2 else 5) for i, c in enumerate(SIGHTS)},
-            **{c: np.round(std[:, i], 3) for i, c in enumerate(SIGHT_DEVIATIONS)},
+            "station": polar.setup,
+            "target": polar.target,
+            **{c: np.round(value[:, i], 6 if i < 2 else 5) for i, c in enumerate(POLAR)},
+            **{c: np.round(std[:, i], 3) for i, c in enumerate(POLAR_DEVIATIONS)},
         }
     )
 
@@ -196,11 +208,11 @@ def _table(path: Path, names: Sequence[str], numbers: Sequence[str]) -> pd.DataF
 def _check_values(
     table: pd.DataFrame, values: Sequence[str], deviations: Sequence[str], where: str
 ) -> None:
-    """Check that every value is there and has a positive standard deviation."""
+    """Check that every value has a positive standard deviation, and is there (unless polar)."""
     for value, deviation in zip(values, deviations, strict=True):
         there = np.isfinite(table[value].to_numpy(dtype=float))
         good = table[deviation].to_numpy(dtype=float) > 0.0
-        if values is not SIGHTS and not there.all():
+        if values is not POLAR and not there.all():
             row = int(np.flatnonzero(~there)[0])
             raise SurveyError(f"{value} is missing", where=f"{where}, row {row + 2}")
         if (there & ~good).any():
@@ -212,23 +224,23 @@ def _check_values(
             )
 
 
-def _sights(table: pd.DataFrame, where: str) -> Observed:
-    _check_values(table, SIGHTS, SIGHT_DEVIATIONS, where)
-    return Observed(
+def _polar(table: pd.DataFrame, where: str) -> PolarObservations:
+    _check_values(table, POLAR, POLAR_DEVIATIONS, where)
+    return PolarObservations(
         tuple(table["station"]),
         tuple(table["target"]),
-        table[list(SIGHTS)].to_numpy(dtype=float) * SIGHT_UNITS,
-        table[list(SIGHT_DEVIATIONS)].to_numpy(dtype=float) * DEVIATION_UNITS,
+        table[list(POLAR)].to_numpy(dtype=float) * POLAR_UNITS,
+        table[list(POLAR_DEVIATIONS)].to_numpy(dtype=float) * DEVIATION_UNITS,
     )
 
 
-def _rays(path: Path) -> Observed:
-    table = _table(path, ("image", "target"), RAYS)
-    _check_values(table, RAYS[:2], ("std_um", "std_um"), str(path))
+def _images(path: Path) -> ImageObservations:
+    table = _table(path, ("image", "target"), IMAGE)
+    _check_values(table, IMAGE[:2], ("std_um", "std_um"), str(path))
     _check_values(table, ("std_um",), ("principal_distance_mm",), str(path))
     distance = table["principal_distance_mm"].to_numpy(dtype=float)[:, None]
     std = table[["std_um", "std_um"]].to_numpy(dtype=float) * 1e-3 / distance
-    return Observed(
+    return ImageObservations(
         tuple(table["image"]),
         tuple(table["target"]),
         table[["x_mm", "y_mm"]].to_numpy(dtype=float) / distance,

@@ -45,12 +45,11 @@ class SetupObservations:
             np.concatenate([none, *(part.std for part in parts)]),
         )
 
-    def labels(self) -> list[str]:
-        """Name of every single observation, in the order of the rows of the design matrix."""
-        return [
-            f"{self.KINDS[kind]} {self.setup[row]}-{self.target[row]}"
-            for row, kind in zip(*np.nonzero(np.isfinite(self.value)), strict=True)
-        ]
+    def label(self, number: int) -> str:
+        """Name of an observed value by its number; values that were not observed do not count."""
+        rows, kinds = np.nonzero(np.isfinite(self.value))
+        row = rows[number]
+        return f"{self.KINDS[kinds[number]]} {self.setup[row]}-{self.target[row]}"
 
 
 class PolarObservations(SetupObservations):

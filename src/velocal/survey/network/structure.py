@@ -102,7 +102,8 @@ class Structure:
 
     def label(self, row: int) -> str:
         """Name of an observation by its row of the design matrix."""
-        return [*self.polar.labels(), *self.images.labels()][row]
+        polar = int(np.isfinite(self.polar.value).sum())
+        return self.polar.label(row) if row < polar else self.images.label(row - polar)
 
     def linearise(self, at: Unknowns) -> tuple[Array, sparse.csr_array]:
         """Linearise all observations; rows are divided by their standard deviations.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
-from velocal.scanner.models import DISTANCE_TICK_M
+from velocal.scanner.models import SCANNERS
 from velocal.simulation.scene import Scene, Surface, draw_relief
 from velocal.simulation.truth import UnitTruth, position_errors, unit_truth
 from velocal.simulation.world import World
@@ -65,6 +65,8 @@ class Air:
     ----------
     truth : UnitTruth
         Of the scanner; it gives the raw distance to a person.
+    tick_m : float
+        One tick of the raw distance of the scanner, metres.
     people : sequence of Person
     lost_per_m, early_per_m : float
         Rates per metre of range at which shots are lost in fog, and at which fog reflects them
@@ -74,6 +76,7 @@ class Air:
     """
 
     truth: UnitTruth
+    tick_m: float
     people: Sequence[Person]
     lost_per_m: float
     early_per_m: float
@@ -92,9 +95,9 @@ class Air:
             self._walk(person, time_s, angle, ticks)
         if not (self.lost_per_m or self.early_per_m or self.noise):
             return ticks
-        length = np.nan_to_num(ticks).astype(np.float64) * DISTANCE_TICK_M
+        length = np.nan_to_num(ticks).astype(np.float64) * self.tick_m
         laser = np.broadcast_to(np.arange(ticks.shape[1]), ticks.shape)
-        noise = self.noise / DISTANCE_TICK_M * self.truth.noise(length, laser).astype(np.float32)
+        noise = self.noise / self.tick_m * self.truth.noise(length, laser).astype(np.float32)
         ticks += noise * rng.standard_normal(ticks.shape, dtype=np.float32)
         chance = rng.random(ticks.shape, dtype=np.float32)
         early = chance < -np.expm1(-self.early_per_m * length)
@@ -121,7 +124,7 @@ class Air:
             met = np.isfinite(flat) & (height > person.bottom_m) & (height < person.top_m)
             raw = self.truth.raw(flat[met] / np.cos(v), np.full(np.count_nonzero(met), laser))
             rows = near[met]
-            ticks[rows, laser] = np.fmin(ticks[rows, laser], raw / DISTANCE_TICK_M)
+            ticks[rows, laser] = np.fmin(ticks[rows, laser], raw / self.tick_m)
 
 
 def scenes(world: World) -> dict[str, float]:
@@ -172,7 +175,12 @@ def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> S
     people = _people(rng, kind["people"], outdoor, distance_m, duration_s)
     fog = kind["fog"]
     air = Air(
-        unit_truth(world, scanner), people, fog["lost_per_m"], fog["early_per_m"], fog["noise"]
+        truth=unit_truth(world, scanner),
+        tick_m=SCANNERS[scanner].distance_tick_m,
+        people=people,
+        lost_per_m=fog["lost_per_m"],
+        early_per_m=fog["early_per_m"],
+        noise=fog["noise"],
     )
     errors = outdoor["position_share"] * position_errors(world, scanner, name)
     return Scene(surfaces, np.array(REFLECTANCE), pose, errors, air)

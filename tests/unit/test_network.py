@@ -384,6 +384,17 @@ def test_targets_may_be_observed_by_instruments_instead_of_cameras():
         adjust_field_book(FieldBook(control, {"E9": "wall"}, observed))
 
 
+def test_a_fault_is_found_in_the_row_of_the_file(tmp_path, book):
+    """Also if the row belongs to a later position."""
+    write_field_book(book, paths(tmp_path), 24.0)
+    path = tmp_path / "base_sights.csv"
+    lines = path.read_text().splitlines()
+    observed = lines[-1].rsplit(",", 3)[0]
+    path.write_text("\n".join([*lines[:-1], f"{observed},0,3,1"]) + "\n")
+    with pytest.raises(SurveyError, match=f"row {len(lines)}: "):
+        read_field_book(paths(tmp_path))
+
+
 def test_accuracy_of_repeated_coordinates_follows_from_their_scatter():
     rng = np.random.default_rng(5)
     true = rng.normal(size=(6, 3))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from velocal.errors import SurveyError
 from velocal.geometry.planes import fit_plane
 from velocal.io import storage
+from velocal.survey.tables import check_unique, read_table
 
 Array = NDArray[np.float64]
 
@@ -174,7 +175,7 @@ class SurveyCovariances:
         return cls(bases, planes)
 
 
-def read_targets(path: Path, group: str) -> Targets:
+def read_targets(path: Path, group: str, *, repeated: bool = False) -> Targets:
     """Read a survey file.
 
     Parameters
@@ -184,6 +185,8 @@ def read_targets(path: Path, group: str) -> Targets:
         ``std_x_mm std_y_mm std_z_mm``.
     group : str
         Name of the grouping column: ``plane``, ``position`` or ``scanner``.
+    repeated : bool
+        Whether a target may have several rows, one per measurement.
 
     Raises
     ------
@@ -191,53 +194,32 @@ def read_targets(path: Path, group: str) -> Targets:
         If the file is missing, a column is missing or unknown, a value is no number, a standard
         deviation is not positive, or a target is named twice in a group.
     """
-    where = str(path)
-    columns = ["target", group, *COORDINATES, *DEVIATIONS]
-    try:
-        table = pd.read_csv(path, comment="#", dtype={"target": str, group: str})
-    except (OSError, ValueError) as error:
-        raise SurveyError(f"cannot be read: {error}", where=where) from None
-    if set(table.columns) != set(columns):
-        odd = sorted(set(table.columns) ^ set(columns))
-        raise SurveyError(
-            f"missing or unknown column {odd[0]!r}", where=where, allowed=", ".join(columns)
-        )
-    numbers = table[[*COORDINATES, *DEVIATIONS]].apply(pd.to_numeric, errors="coerce")
-    bad = np.flatnonzero(~np.isfinite(numbers.to_numpy(dtype=float)).all(axis=1))
-    if len(bad):
-        raise SurveyError(
-            "a coordinate is missing or no number", where=f"{where}, row {bad[0] + 2}"
-        )
-    if (numbers[list(DEVIATIONS)] <= 0).any().any():
-        raise SurveyError(
-            "a standard deviation is not positive",
-            where=where,
-            hint="State how good each coordinate is, in millimetres.",
-        )
-    twice = table.duplicated(["target", group])
-    if twice.any():
-        row = int(np.flatnonzero(twice)[0])
-        raise SurveyError(
-            f"target {table['target'][row]!r} occurs twice", where=f"{where}, row {row + 2}"
-        )
+    positive = dict(zip(COORDINATES, DEVIATIONS, strict=True))
+    table = read_table(path, ("target", group), (*COORDINATES, *DEVIATIONS), positive)
+    if not repeated:
+        check_unique(table, ("target", group), "target", str(path))
     return Targets(
         tuple(table["target"]),
         tuple(table[group]),
-        numbers[list(COORDINATES)].to_numpy(dtype=float),
-        numbers[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
+        table[list(COORDINATES)].to_numpy(dtype=float),
+        table[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
     )
 
 
 def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
-    """Write a survey file, with coordinates rounded to a hundredth of a millimetre.
+    """Write a survey file; see `target_table`."""
+    storage.write_csv(path, target_table(group, parts))
+
+
+def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
+    """Table of a survey file, with coordinates rounded to a hundredth of a millimetre.
 
     Parameters
     ----------
-    path : Path
     group : str
         Name of the grouping column; see `read_targets`.
     parts : sequence of Targets
-        They are written one after the other.
+        They follow one another in the table.
     """
     frames = [
         pd.DataFrame(
@@ -250,7 +232,7 @@ def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
         )
         for part in parts
     ]
-    storage.write_csv(path, pd.concat(frames, ignore_index=True))
+    return pd.concat(frames, ignore_index=True)
 
 
 def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Targets]:

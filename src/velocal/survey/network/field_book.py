@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from velocal.errors import SurveyError
 from velocal.io import storage
 from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
-from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets
+from velocal.survey.tables import check_unique, read_table
+from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets, read_targets, target_table
 
 Array = NDArray[np.float64]
 
@@ -72,13 +73,8 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
         deviation is missing or not positive, or a point is named twice.
     """
     where = str(paths["points"])
-    points = _table(paths["points"], ("target", "plane"), COORDINATES)
-    twice = points["target"].duplicated()
-    if twice.any():
-        row = int(np.flatnonzero(twice)[0])
-        raise SurveyError(
-            f"point {points['target'][row]!r} occurs twice", where=f"{where}, row {row + 2}"
-        )
+    points = read_table(paths["points"], ("target", "plane"), COORDINATES, {})
+    check_unique(points, ("target",), "point", where)
     xyz = points[list(COORDINATES)].to_numpy(dtype=float)
     known = np.isfinite(xyz).all(axis=1)
     if known.sum() < 3:
@@ -89,29 +85,19 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
             hint="Their approximate coordinates define the site frame.",
         )
     on_plane = (points["plane"] != "").to_numpy()
-    base_polar = _table(
-        paths["base_sights"], ("position", "station", "target"), (*POLAR, *POLAR_DEVIATIONS)
-    )
-    base = _table(paths["base_readings"], ("scanner", "target"), (*COORDINATES, *DEVIATIONS))
-    _check_values(base, COORDINATES, DEVIATIONS, str(paths["base_readings"]))
-    polar = _table(paths["network"], ("station", "target"), (*POLAR, *POLAR_DEVIATIONS))
+    base_polar = _polar_rows(paths["base_sights"], "position", "station", "target")
+    base = read_targets(paths["base_readings"], "scanner", repeated=True)
     return FieldBook(
         control=ControlPoints(tuple(points["target"][known]), xyz[known]),
         planes=dict(zip(points["target"][on_plane], points["plane"][on_plane], strict=True)),
-        polar=_polar(polar, str(paths["network"])),
-        images=(_images(paths["images"]) if paths.get("images") else ImageObservations.joined([])),
+        polar=_polar(_polar_rows(paths["network"], "station", "target")),
+        images=_images(paths["images"]) if paths.get("images") else ImageObservations.joined([]),
         base_polar={
-            str(name): _polar(part, str(paths["base_sights"]))
-            for name, part in base_polar.groupby("position", sort=False)
+            str(name): _polar(part) for name, part in base_polar.groupby("position", sort=False)
         },
         base_coordinates={
-            str(name): Targets(
-                tuple(part["target"]),
-                tuple(part["scanner"]),
-                part[list(COORDINATES)].to_numpy(dtype=float),
-                part[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
-            )
-            for name, part in base.groupby("scanner", sort=False)
+            name: base.of(name, where=str(paths["base_readings"]))
+            for name in dict.fromkeys(base.group)
         },
     )
 
@@ -156,18 +142,9 @@ def write_field_book(
         "principal_distance_mm": np.full(len(value), principal_distance_mm),
     }
     storage.write_csv(paths["images"], pd.DataFrame(images))
-    coordinates = [
-        pd.DataFrame(
-            {
-                "scanner": part.group,
-                "target": part.name,
-                **{c: np.round(part.xyz[:, i], 5) for i, c in enumerate(COORDINATES)},
-                **{c: np.round(part.std[:, i] * 1e3, 3) for i, c in enumerate(DEVIATIONS)},
-            }
-        )
-        for part in book.base_coordinates.values()
-    ]
-    storage.write_csv(paths["base_readings"], pd.concat(coordinates, ignore_index=True))
+    base = target_table("scanner", list(book.base_coordinates.values()))
+    columns = ["scanner", "target", *COORDINATES, *DEVIATIONS]
+    storage.write_csv(paths["base_readings"], base[columns])
 
 
 def _polar_table(polar: PolarObservations) -> pd.DataFrame:
@@ -183,49 +160,12 @@ def _polar_table(polar: PolarObservations) -> pd.DataFrame:
     )
 
 
-def _table(path: Path, names: Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
-    where, columns = str(path), [*names, *numbers]
-    try:
-        table = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise SurveyError(f"cannot be read: {error}", where=where) from None
-    if set(table.columns) != set(columns):
-        odd = sorted(set(table.columns) ^ set(columns))
-        raise SurveyError(
-            f"missing or unknown column {odd[0]!r}", where=where, allowed=", ".join(columns)
-        )
-    for column in numbers:
-        text = table[column].str.strip()
-        table[column] = pd.to_numeric(text.where(text != ""), errors="coerce")
-        bad = np.flatnonzero((text != "").to_numpy() & ~np.isfinite(table[column].to_numpy()))
-        if len(bad):
-            raise SurveyError(
-                f"{column} is no number: {text[bad[0]]!r}", where=f"{where}, row {bad[0] + 2}"
-            )
-    return table
+def _polar_rows(path: Path, *names: str) -> pd.DataFrame:
+    positive = dict(zip(POLAR, POLAR_DEVIATIONS, strict=True))
+    return read_table(path, names, (*POLAR, *POLAR_DEVIATIONS), positive, gaps=True)
 
 
-def _check_values(
-    table: pd.DataFrame, values: Sequence[str], deviations: Sequence[str], where: str
-) -> None:
-    """Check that every value has a positive standard deviation, and is there (unless polar)."""
-    for value, deviation in zip(values, deviations, strict=True):
-        there = np.isfinite(table[value].to_numpy(dtype=float))
-        good = table[deviation].to_numpy(dtype=float) > 0.0
-        if values is not POLAR and not there.all():
-            row = int(np.flatnonzero(~there)[0])
-            raise SurveyError(f"{value} is missing", where=f"{where}, row {row + 2}")
-        if (there & ~good).any():
-            row = int(np.flatnonzero(there & ~good)[0])
-            raise SurveyError(
-                f"{deviation} is missing or not positive",
-                where=f"{where}, row {row + 2}",
-                hint="State how good each observation is.",
-            )
-
-
-def _polar(table: pd.DataFrame, where: str) -> PolarObservations:
-    _check_values(table, POLAR, POLAR_DEVIATIONS, where)
+def _polar(table: pd.DataFrame) -> PolarObservations:
     return PolarObservations(
         tuple(table["station"]),
         tuple(table["target"]),
@@ -235,9 +175,8 @@ def _polar(table: pd.DataFrame, where: str) -> PolarObservations:
 
 
 def _images(path: Path) -> ImageObservations:
-    table = _table(path, ("image", "target"), IMAGE)
-    _check_values(table, IMAGE[:2], ("std_um", "std_um"), str(path))
-    _check_values(table, ("std_um",), ("principal_distance_mm",), str(path))
+    positive = {"x_mm": "std_um", "y_mm": "std_um", "std_um": "principal_distance_mm"}
+    table = read_table(path, ("image", "target"), IMAGE, positive)
     distance = table["principal_distance_mm"].to_numpy(dtype=float)[:, None]
     std = table[["std_um", "std_um"]].to_numpy(dtype=float) * 1e-3 / distance
     return ImageObservations(

@@ -193,31 +193,23 @@ def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
     assert written[0] == written[1]
 
 
-def air_before(scanner, **changes):
-    """Air of a clear scene before a scanner without errors; also its tick in metres."""
-    world = with_kind(study_world().without_errors(), **CLEAR)
-    world = replace(world, scanners={**world.scanners, scanner: world.scanner("HDL-32E")})
-    scene = outdoor_scene(world, scanner, "real1", 0.1)
-    return replace(scene.between, **changes), SCANNERS[scanner].distance_tick_m
-
-
 @pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
-def test_people_are_measured_in_ticks_of_the_scanner(scanner):
-    person = Person(np.array([0.0, 5.0]), np.zeros(2), 0.6, -2.0, 2.0)
-    air, tick_m = air_before(scanner, people=[person])
-    nothing = np.full((1, 32), np.nan, dtype=np.float32)
-    ticks = air(np.random.default_rng(1), np.zeros(1), np.zeros(1), nothing)[0]
+def test_fog_and_people_have_the_tick_of_the_scanner(scanner):
+    """A VLP-32C sends distances in ticks of 4 mm."""
+    world = with_kind(study_world(), **CLEAR)
+    world = replace(world, scanners={scanner: world.scanner("HDL-32E")})
+    air = outdoor_scene(world, scanner, "real1", 1.0).between
+    n, tick = 200, SCANNERS[scanner].distance_tick_m
+    wall = np.full((n, SCANNERS[scanner].n_lasers), 10.0 / tick, dtype=np.float32)
+    person = Person(np.array([0.0, 5.0]), np.zeros(2), 0.25, -3.0, 3.0)
+    crossed = replace(air, people=[person])(
+        np.random.default_rng(0), np.zeros(n), np.zeros(n), wall
+    )
+    level = int(np.argmin(np.abs(air.truth.parameters.v)))
     parameters = air.truth.parameters
-    flat = person.range(np.zeros(32), -parameters.alpha)
-    met = np.isfinite(ticks)
-    assert met.sum() > 20
-    wanted = air.truth.raw(flat / np.cos(parameters.v), np.arange(32))
-    np.testing.assert_allclose(ticks[met] * tick_m, wanted[met], rtol=1e-6)
-
-
-@pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
-def test_fog_swallows_by_metres_and_not_by_ticks(scanner):
-    air, tick_m = air_before(scanner, lost_per_m=0.02)
-    ideal = np.full((2000, 32), 30.0 / tick_m, dtype=np.float32)
-    ticks = air(np.random.default_rng(2), np.zeros(2000), np.zeros(2000), ideal)
-    assert np.isnan(ticks).mean() == pytest.approx(1.0 - np.exp(-0.02 * 30.0), abs=0.01)
+    flat = person.range(np.zeros(1), -parameters.alpha[level : level + 1])[0]
+    expected = flat / np.cos(parameters.v[level]) - parameters.dl[level]
+    assert 4.7 < flat < 4.9
+    assert crossed[0, level] * tick == pytest.approx(expected, abs=0.03)
+    fog = replace(air, lost_per_m=0.1)(np.random.default_rng(0), np.zeros(n), np.zeros(n), wall)
+    assert np.isnan(fog).mean() == pytest.approx(1.0 - np.exp(-1.0), abs=0.03)

@@ -53,3 +53,54 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     for values in known.covariance.values():
         np.testing.assert_allclose(values, 2e-6)
     assert known.provenance["adjustments"] == ["sa3/middle.csv"]
+
+
+def written(folder, sample, window, value):
+    """Write the adjustment of one window, the same correction of dl for all lasers; two paths."""
+    n, tables = (
+        64,
+        (folder / sample / f"{window}.csv", folder / sample / f"{window}.covariance.csv"),
+    )
+    adjustment = {
+        "laser_id": np.arange(n),
+        "dl_correction_m": np.full(n, value),
+        "dl_std_m": np.full(n, 0.002),
+        "dl_noise_std_m": np.full(n, 0.001),
+        "count": np.full(n, 9),
+    }
+    covariance = {
+        "laser_id": np.arange(n),
+        "first": ["dl"] * n,
+        "second": ["dl"] * n,
+        "covariance": np.full(n, 4e-6),
+        "correlation": np.ones(n),
+        "noise": np.full(n, 1e-6),
+        "prior": np.full(n, 3e-6),
+    }
+    for path, columns in zip(tables, (adjustment, covariance), strict=True):
+        storage.write_csv(path, columns)
+    return tables
+
+
+def averaged(folder, corrections):
+    """Corrections of dl in the set that the script writes; `corrections` by sample, then window."""
+    formats.write(folder / "factory.xml", unit())
+    pairs = [
+        written(folder, sample, f"window{number}", value)
+        for sample, values in corrections.items()
+        for number, value in enumerate(values)
+    ]
+    files = {suffix: folder / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
+    average_set.main(
+        [path for path, _ in pairs], [path for _, path in pairs],
+        folder / "factory.xml", files, folder / "scatter.csv",
+        scanner="HDL-64E", weights="equal", export={"yaml": "ros", "xml": "veloview"},
+        positions=["P2"] * len(corrections),
+    )  # fmt: skip
+    return formats.read(files["csv"], 64).dl - unit().dl
+
+
+def test_samples_of_unequal_numbers_of_windows(tmp_path):
+    """Every sample counts once, however many windows it has."""
+    found = averaged(tmp_path, {"sa1": [0.01], "sa2": [0.02, 0.03, 0.04]})
+    np.testing.assert_allclose(found, (0.01 + 0.03) / 2, atol=1e-12)

@@ -1,7 +1,7 @@
 """Derivatives of the misclosure by what is not adjusted, but not exactly known either.
 
 Pose and planes are common to all observations of a station: their errors do not average out, and
-reach the parameters through the gain of the adjustment ("consider parameters").
+reach the parameters through the influence of the adjustment ("consider parameters").
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ class Derivatives:
     station: NDArray[np.integer]
     number: NDArray[np.integer]
 
-    def of(self, rows: slice) -> Derivatives:
-        """Those of some rows."""
+    def take(self, rows: slice) -> Derivatives:
+        """Return those of some rows."""
         return Derivatives(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
@@ -149,14 +149,14 @@ def derivatives(
 
 
 def contributions(
-    gain: Array, stochastic: Stochastic, by: Derivatives, *, scale_adjusted: bool
+    influence: Array, stochastic: Stochastic, by: Derivatives, *, scale_adjusted: bool
 ) -> Iterator[tuple[str, Array]]:
     """Name and covariance of what each source adds to the parameters of a laser.
 
     Parameters
     ----------
-    gain : ndarray, shape (u, n)
-        Answer of the parameters to the misclosures (`Step.gain`).
+    influence : ndarray, shape (u, n)
+        Answer of the parameters to the misclosures (`Step.influence`).
     stochastic : Stochastic
         Sizes of the sources.
     by : Derivatives
@@ -164,7 +164,7 @@ def contributions(
     scale_adjusted : bool
         Whether the range scale is a parameter, and so no nuisance.
     """
-    u, known, stations = len(gain), stochastic.survey, int(by.station.max()) + 1
+    u, known, stations = len(influence), stochastic.survey, int(by.station.max()) + 1
     pose, bent = np.zeros((2, u, u))
     translation = known[0].translation if known else np.zeros(3)
     if len(known) > 1:
@@ -180,7 +180,7 @@ def contributions(
     # Answer by station and plane to all of them at once; what follows is small.
     planes = int(by.number.max()) + 1
     group = by.station * planes + by.number
-    masked = gain * (group == np.arange(stations * planes)[:, None, None])
+    masked = influence * (group == np.arange(stations * planes)[:, None, None])
     answer = (masked.reshape(-1, len(group)) @ derivatives).reshape(stations, planes, u, -1)
     for own, survey in zip(answer, known, strict=False):
         moved = own[..., :6].sum(axis=0)
@@ -189,7 +189,7 @@ def contributions(
             bent += part[:, 6:10] @ covariance @ part[:, 6:10].T
     yield "pose", pose
     yield "planes", bent
-    uneven = np.add.reduceat(gain * by.offset, np.flatnonzero(by.begins), axis=1)
+    uneven = np.add.reduceat(influence * by.offset, np.flatnonzero(by.begins), axis=1)
     yield "flatness", uneven @ uneven.T
     if not scale_adjusted:
         stretched = answer[..., 10].sum(axis=(0, 1)) * stochastic.range_scale

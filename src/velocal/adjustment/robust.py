@@ -37,7 +37,7 @@ def snooping(size: Array, limit: float = 3.29) -> Array:
 _WEIGHTS: dict[str, Callable[[Array], Array]] = {"huber": huber, "igg": igg, "snooping": snooping}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Robust:
     """Another solver on reweighted rows.
 
@@ -57,24 +57,24 @@ class Robust:
     base: Solver
     kind: Literal["huber", "igg", "snooping"] = "huber"
 
-    def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
+    def step(self, system: System, basis: Array | None = None) -> Step:
         """Solve one linearised system; see `Solver.step`."""
-        residual = system.w / system.row_std
+        residual = system.w / system.sigma_misclosure
         if not system.shift.any():
             # Before anything is adjusted, the laser's own offset would hide the outliers.
             residual = residual - np.median(residual)
         spread = MAD_PER_STD * np.median(np.abs(residual))
-        if spread <= 1e-12 * np.max(np.abs(system.w / system.row_std), initial=1e-300):
-            return self.base.step(system, basis, damping)
+        if spread <= 1e-12 * np.max(np.abs(system.w / system.sigma_misclosure), initial=1e-300):
+            return self.base.step(system, basis)
         size = np.abs(residual) / spread
         if self.kind == "snooping":
-            leverage = self.base.step(system, basis, damping).leverage
+            leverage = self.base.step(system, basis).leverage
             size = size / np.sqrt(np.maximum(1.0 - leverage, 1e-6))
         weight = _WEIGHTS[self.kind](size)
         root = np.sqrt(weight)
         weighted = replace(system, matrix=system.matrix * root[:, None], w=system.w * root)
-        step = self.base.step(weighted, basis, damping)
-        return replace(step, gain=step.gain * root, row_weight=weight)
+        step = self.base.step(weighted, basis)
+        return replace(step, influence=step.influence * root, row_weight=weight)
 
     def objective(self, system: System) -> float:
         """Nothing: weights change with every step, so that no one sum is minimised."""

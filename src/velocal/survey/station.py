@@ -179,10 +179,10 @@ def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:
     deviation = np.array([plane["flatness_mean_m"] for plane in planes])
     deviation = deviation * np.sqrt(targets / np.maximum(targets - 3.0, 1.0))
     return SurveyUncertainty(
-        np.array(pose["translation_m"]),
-        np.array(pose["covariance_rad_m"]),
-        np.array([plane["covariance"] for plane in planes]),
-        deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)),
+        translation=np.array(pose["translation_m"]),
+        pose=np.array(pose["covariance_rad_m"]),
+        planes=np.array([plane["covariance"] for plane in planes]),
+        flatness_m=deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)),
     )
 
 

@@ -21,9 +21,9 @@ from velocal.adjustment.solvers import OrdinaryLeastSquares
 SOLVER = OrdinaryLeastSquares()
 #: The longest way, MGH17 from its first start, takes some 800; SciPy may take as many.
 MAX_ITERATIONS = 2000
-#: Changes of the parameters, relative to them, that end the iteration. (Rounding of the most
-#: ill-conditioned linear set, Filip, changes its parameters by more than 1e-10.)
-TOLERANCE, LINEAR_TOLERANCE = 1e-10, 1e-6
+#: Changes of the parameters, relative to them, that end the iteration. (The most ill-conditioned
+#: linear set is Filip: by rounding alone its steps are longer than 1e-9.)
+TOLERANCE, LINEAR_TOLERANCE = 1e-10, 1e-8
 #: Sums of squares that differ by less than this, relatively, are equal.
 ROUNDING = 1e-12
 #: Share of the expected decrease below which the trust region shrinks, above which it may grow.

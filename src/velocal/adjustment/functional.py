@@ -1,8 +1,8 @@
 """Functional model: the distance s along the beam to the plane, and its derivatives.
 
-The plane is ``n . X + d = 0`` with a unit normal, so that any plane is served: walls, floor,
-tilted ones. The paper's form with the angle beta of its Table I, which holds for vertical
-planes only, stands beside it in `velocal.paper.residual_form`.
+The plane is ``n . X + d = 0`` with a unit normal: a wall, a floor or a tilted plane. The paper's
+form with the angle beta of its Table I, which holds for vertical planes only, is a reference in
+`velocal.paper.residual_form`.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def design(
     along = n_x * sine + n_y * cosine  # n.e
     across = n_y * sine - n_x * cosine  # n.q
     inverse = 1.0 / (cosine_v * along + sine_v * n_z)  # 1 / G
-    # As `misclosure`, with n.o out of the products that the derivatives need anyway.
+    # The same as in `misclosure`; n.o is formed from products that the derivatives need too.
     to_plane = -(hoff * across + parameters.voff[laser_id] * n_z + offset) * inverse
     s = scaled(distance_m, laser_id, scale) + parameters.dl[laser_id] - to_plane
     # u_phi is -q cos v: the derivative of the direction by the rotational angle.

@@ -1,7 +1,7 @@
 """Lasers and planes adjusted together, as with a test field that nobody surveyed.
 
 After Glennie and Lichti (2010): every plane is unknown, and all lasers that hit it share it. The
-planes that are handed in only start the iteration.
+planes of the observations are only the start of the iteration.
 """
 
 from __future__ import annotations

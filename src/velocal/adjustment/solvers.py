@@ -1,7 +1,7 @@
 """Solvers of one linearised system ``A delta + w = 0`` behind one interface.
 
-Every solver scales rows and columns in its own way and then does the same: a thin singular value
-decomposition. `Step` holds what later parts need of it.
+Solvers differ in how they scale rows and columns. Then all use the same thin singular value
+decomposition, `linear.decomposed`.
 """
 
 from __future__ import annotations
@@ -27,8 +27,13 @@ class Solver(Protocol):
         Parameters
         ----------
         system : System
+            Or a stack of systems, where they are reduced.
         basis : ndarray, shape (u, k), or None
             Space of the corrections that an earlier linearisation decided on; None to decide.
+
+        Returns
+        -------
+        Step
         """
         ...
 
@@ -37,13 +42,19 @@ class Solver(Protocol):
         ...
 
     def reduced(self, system: System, *, keep: bool = False) -> System:
-        """Return a system of u + 1 rows of the same solution and objective; itself if none is.
+        """Return a system of u + 1 rows with the same solution and objective.
+
+        A solver that needs all rows returns the system itself.
 
         Parameters
         ----------
         system : System
         keep : bool
-            Whether to keep what `Step.unreduced` needs.
+            Whether to keep the rotation that `Step.unreduced` needs.
+
+        Returns
+        -------
+        System
         """
         ...
 
@@ -55,8 +66,12 @@ def solve(solver: Solver, systems: Sequence[System], bases: Sequence[Array | Non
     ----------
     solver : Solver
     systems : sequence of System
-    bases : sequence
-        Of each; see `Solver.step`. None is for all of them.
+    bases : sequence of ndarray or None
+        Basis of each system, see `Solver.step`; either all are None or none is.
+
+    Returns
+    -------
+    list of Step
     """
     if not systems or systems[0].size is None:
         return [solver.step(*each) for each in zip(systems, bases, strict=True)]
@@ -80,7 +95,7 @@ def _column_scale(matrix: Array) -> Array:
 
 
 def _alike(sigma_misclosure: Array) -> Array:
-    """One standard deviation that stands for all, where rows are weighted alike."""
+    """Root mean square of the standard deviations, for solvers that weight all rows the same."""
     squares = np.einsum("...n,...n->...", sigma_misclosure, sigma_misclosure)
     return np.asarray(np.sqrt(squares / sigma_misclosure.shape[-1]))
 
@@ -92,7 +107,7 @@ def _squares(system: System) -> float:
 
 @dataclass(frozen=True)
 class OrdinaryLeastSquares:
-    """All misclosures alike, no prior; truncation at machine precision."""
+    """All misclosures have the same weight; no prior; truncation at machine precision."""
 
     def step(self, system: System, basis: Array | None = None) -> Step:
         """Solve one linearised system; see `Solver.step`."""
@@ -185,8 +200,8 @@ class PaperModel:
 class WithPrior:
     """Adjustment C: weighted, with the prior as observations of the corrections.
 
-    ``delta = -(A' M A + P)^-1 A' M w`` with P the inverse prior variances: always of full rank; a
-    parameter that the data say nothing about keeps its prior value and standard deviation.
+    ``delta = -(A' M A + P)^-1 A' M w`` with P the inverse prior variances. The rank is always
+    full; a parameter that the data do not determine keeps its prior value and standard deviation.
     """
 
     def step(self, system: System, basis: Array | None = None) -> Step:
@@ -209,7 +224,8 @@ class WithPrior:
         influence, prior_influence = step.influence[..., :n], step.influence[..., n:]
         of_prior = prior_influence * system.prior_std
         prior_part = of_prior @ across(of_prior)
-        # Shares of the information: identity where the data say all, zero where the prior does.
+        # Share of the data in the information: identity where the prior adds nothing, zero where
+        # the data add nothing.
         estimable = alike - of_prior / system.prior_std[:, None]
         return replace(
             step,

@@ -121,7 +121,8 @@ def _move(
     block.iterations += 1
     with np.errstate(divide="ignore", invalid="ignore"):  # a parameter of no size has no measure
         change = float(np.nanmax(np.abs(step) / np.maximum(np.abs(block.x), size)))
-    x, state = block.x + step, problem.at(number, block.x + step)
+    x = block.x + step
+    state = problem.at(number, x)
     if change <= tolerance:
         block.x, block.state = x, state
         block.converged, block.message = True, "converged"

@@ -11,7 +11,7 @@ from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of, uncertainty_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -26,14 +26,14 @@ def main(
 ) -> None:
     """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
-    station = storage.read_json(survey)
+    station = read_station(survey)
     factory = read_or_nominal(calibration, scanner_named(scanner))
     results = adjust_all(
-        observations(columns, patches_of(station)),
+        station.observations(columns),
         factory,
         config["parameters"],
         settings.solver(config),
-        settings.stochastic(config, [uncertainty_of(station)]),
+        settings.stochastic(config, [station.uncertainty()]),
     )
     found = CalibrationSet.from_adjustments(results, factory)
     storage.write_csv(adjustment, found.to_columns())

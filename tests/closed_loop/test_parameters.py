@@ -76,20 +76,20 @@ def test_observable_parameters_return(loop):
 
 def test_what_cannot_be_observed_is_named(loop):
     result, _ = loop
-    held = [a for a in result.adjustments if a.weakly_determined]
-    for adjustment in held:
+    weak = [a for a in result.adjustments if a.weakly_determined]
+    for adjustment in weak:
         assert adjustment.rank < len(NAMES)
         assert "left to the prior" in adjustment.message
         for name in adjustment.weakly_determined:
             # What is known of it is what the prior says.
             stated = adjustment.std[NAMES.index(name)]
             assert 0.7 * PRIOR[name] < stated < 1.3 * PRIOR[name]
-            # Held means left where the factory put it, but for its share in what is estimable.
+            # It stays where the factory put it, but for its share in what is estimable.
             assert abs(adjustment.corrections[NAMES.index(name)]) < PRIOR[name]
 
 
 def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
-    """With the walls only and honest noise, v is held nearly everywhere, and said to be."""
+    """With the walls only and honest noise, v is weakly determined nearly everywhere, and named."""
     result = run(
         study_world(),
         "HDL-64E",
@@ -101,8 +101,8 @@ def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
         solver=PaperModel(truncate_at=1.0),
         stochastic=Stochastic(noise_std_m=0.02, prior_std=PRIOR),
     )
-    held = [laser for laser, a in enumerate(result.adjustments) if "v" in a.weakly_determined]
-    assert len(held) > 32
+    weak = [laser for laser, a in enumerate(result.adjustments) if "v" in a.weakly_determined]
+    assert len(weak) > 32
     untouched = [a for a in result.adjustments if "v" in a.weakly_determined]
     assert all(abs(a.corrections[2]) < PRIOR["v"] for a in untouched)
     # The pseudo-inverse at machine precision instead sends some of them far away.

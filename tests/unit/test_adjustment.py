@@ -59,7 +59,7 @@ def test_full_rank_is_least_squares_whatever_the_prior():
         np.testing.assert_allclose(step.delta, expected, rtol=1e-9)
 
 
-def test_truncation_holds_what_the_prior_knows_better():
+def test_truncation_leaves_out_what_the_prior_knows_better():
     a = np.column_stack([np.ones(100), np.linspace(-1e-3, 1e-3, 100)])
     w = RNG.normal(0.0, 1.0, 100)
     step = PaperModel(truncate_at=1.0).step(system(a, w, [1.0, 1.0]))
@@ -80,7 +80,7 @@ def walls(n=400, noise=0.0):
     return Observations(distance, phi, laser, normal, offset), true
 
 
-def test_known_parameters_return_and_voff_is_held():
+def test_known_parameters_return_and_voff_is_weakly_determined():
     data, true = walls()
     start = true.corrected({"dl": np.array([-0.03]), "alpha": np.array([0.004])})
     found = adjust_laser(

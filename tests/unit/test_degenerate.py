@@ -59,7 +59,7 @@ def ahead(n=200, width=40.0):
 
 
 CASES = {
-    # name: vertical angle, planes with angles, what must be held by those that know
+    # name: vertical angle, planes with angles, what those that know must leave to the prior
     "floor only": (-20.0, [(FLOOR, np.linspace(0.0, 359.0, 200))], ("alpha",)),
     "horizontal beam, vertical walls": (
         0.0,
@@ -105,7 +105,7 @@ def test_numbers_are_finite_and_the_finding_has_a_name(case, solver):
 
 @pytest.mark.parametrize("solver", KNOWING)
 @pytest.mark.parametrize("case", CASES)
-def test_what_the_data_do_not_show_is_held_with_its_prior(case, solver):
+def test_what_the_data_do_not_show_stays_with_its_prior(case, solver):
     found = adjusted(case, solver)
     assert found.converged
     assert found.rank < len(NAMES)
@@ -114,14 +114,14 @@ def test_what_the_data_do_not_show_is_held_with_its_prior(case, solver):
     for name in found.weakly_determined:
         number = NAMES.index(name)
         assert abs(found.corrections[number]) < PRIOR[name]
-        # Held, but for its share in what is estimable.
+        # The prior's, but for its share in what is estimable.
         assert 0.5 * PRIOR[name] < found.std[number] < 1.5 * PRIOR[name]
     for number, name in enumerate(NAMES):
         assert found.std[number] < 1.5 * PRIOR[name]
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_zero_columns_are_held_at_machine_precision_too(solver):
+def test_zero_columns_are_left_out_at_machine_precision_too(solver):
     """The rotational angle does not matter on a level floor, nor a height on vertical walls."""
     found = adjusted("floor only", solver)
     assert "alpha" in found.weakly_determined

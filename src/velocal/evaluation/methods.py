@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5
-#: Standard deviation of a range scale, which only decides what is held where none is configured.
+#: Standard deviation of a range scale where none is configured. It only decides on the rank.
 SCALE_STD = 1e-3
 #: Linearisations after which an adjustment has not converged.
 MAX_ITERATIONS = 30

@@ -5,10 +5,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from capture_helpers import pcap, record_list, scan, spin, write
-from container_helpers import containers
 from hypothesis import example, given
 from hypothesis import strategies as st
+from support.capture import pcap, record_list, scan, spin, write
+from support.containers import containers
 
 from velocal.errors import RecordingError
 from velocal.recording.scan import inspect

@@ -4,10 +4,10 @@ import struct
 
 import numpy as np
 import pytest
-from capture_helpers import spin, two_returns
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from support.capture import spin, two_returns
 
 from velocal.packets import data as packets
 from velocal.scanner.models import FLAG_LOWER, FLAG_UPPER, SCANNERS

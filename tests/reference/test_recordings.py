@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 import scipy.spatial
 import yaml
-from capture_helpers import spin, two_returns
 from defusedxml import ElementTree
+from support.capture import spin, two_returns
 
 from velocal.capture.ledger import Ledger
 from velocal.capture.reading import open_recording

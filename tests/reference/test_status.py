@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.packets.data import BLOCKS, CHANNELS, encode
 from velocal.packets.status import TABLE_PACKETS, StatusReader

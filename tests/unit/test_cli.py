@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 import pytest
-from capture_helpers import as_bytes, record_list, spin, two_returns, write
-from closed_loop.chain import study_world
-from container_helpers import ethernet, ip_packet, pcap_of
+from support.capture import as_bytes, record_list, spin, two_returns, write
+from support.chain import study_world
+from support.containers import ethernet, ip_packet, pcap_of
 
 from velocal.calibration.files import formats
 from velocal.io import schemas, storage

@@ -5,8 +5,8 @@ import hashlib
 
 import numpy as np
 import pytest
-from capture_helpers import as_bytes, pcap_head, pcap_packet, scan, spin, udp_frame, write
-from container_helpers import (
+from support.capture import as_bytes, pcap_head, pcap_packet, scan, spin, udp_frame, write
+from support.containers import (
     containers,
     ethernet,
     fragments,

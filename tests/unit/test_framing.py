@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from capture_helpers import (
+from support.capture import (
     FIRST_SECOND,
     PAYLOAD,
     as_bytes,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from capture_helpers import pcap, record_list, spin, write
+from support.capture import pcap, record_list, spin, write
 from typer.testing import CliRunner
 
 from velocal.calibration.files import formats

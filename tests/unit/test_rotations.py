@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from capture_helpers import pcap, record_list, spin, two_returns, write
+from support.capture import pcap, record_list, spin, two_returns, write
 
 from velocal.capture import framing
 from velocal.capture import order as sequence

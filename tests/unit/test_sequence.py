@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from capture_helpers import record_list, scan, spin, write
+from support.capture import record_list, scan, spin, write
 
 from velocal.capture import framing
 from velocal.packets.data import view

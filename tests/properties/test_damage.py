@@ -63,7 +63,7 @@ def test_every_byte_is_counted(name, operations):
         try:
             found = inspect(path)
         except RecordingError:
-            return  # not one sound packet, or the file header is gone
+            return  # not one valid packet, or the file header is gone
         ledger = found.ledger
         assert ledger.unaccounted_bytes == 0
         parts = [ledger.data, ledger.position, *ledger.rejected.values()]

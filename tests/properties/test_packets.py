@@ -50,7 +50,7 @@ def test_view_is_the_inverse_of_encode(sent):
         ("status", seen["status"]),
     ):
         np.testing.assert_array_equal(values, sent[name], err_msg=name)
-    flags_known, in_turn = packets.sound(payloads)
+    flags_known, in_turn = packets.check_payloads(payloads)
     assert flags_known.all()
     assert in_turn.all()
 
@@ -154,11 +154,11 @@ def test_a_full_turn_is_zero():
         "status": np.zeros((1, 2), np.uint8),
     }
     payloads = packets.encode(**sent)
-    assert [bool(a[0]) for a in packets.sound(payloads)] == [True, True]
+    assert [bool(a[0]) for a in packets.check_payloads(payloads)] == [True, True]
     azimuth = packets.decode(payloads, SCANNERS["VLP-16"]).azimuth
     assert list(azimuth[-4:]) == [35_960, 35_980, 0, 20]
     sent["azimuth"][0, 3] = 36_001
-    assert [bool(a[0]) for a in packets.sound(packets.encode(**sent))] == [True, False]
+    assert [bool(a[0]) for a in packets.check_payloads(packets.encode(**sent))] == [True, False]
 
 
 @pytest.mark.parametrize("flag", [0x0000, 0xFFEE, 0xEEFE, 0xAAFF])
@@ -172,7 +172,7 @@ def test_an_unknown_flag_is_not_sound(flag):
         np.zeros((2, 2), np.uint8),
     )
     packets.view(payloads)["blocks"]["flag"][1, 11] = flag
-    known, _ = packets.sound(payloads)
+    known, _ = packets.check_payloads(payloads)
     assert list(known) == [True, False]
 
 
@@ -206,7 +206,7 @@ def test_one_of_two_returns(name, n, seed, zero):
     payloads = two_returns(spin(n, banks=len(scanner.flags), seed=seed))
     if zero:
         packets.view(payloads)["blocks"]["channels"]["distance"][:, 1] = 0
-    assert packets.sound(payloads)[0].all()
+    assert packets.check_payloads(payloads)[0].all()
     both = packets.decode(payloads, scanner)
     kinds = {packets.LAST: [], packets.STRONGEST: []}
     for which in kinds:
@@ -246,10 +246,10 @@ def test_empty_blocks_of_a_vls128():
     for empty in (0x0000, 0xFFFF):
         blocks["flag"][:, 8:] = empty
         blocks["azimuth"][:, 8:] = empty
-        assert packets.sound(payloads)[0].all()
-        assert packets.sound(payloads)[1].all()
+        assert packets.check_payloads(payloads)[0].all()
+        assert packets.check_payloads(payloads)[1].all()
         assert len(packets.decode(payloads, SCANNERS["VLS-128"])) == 3 * 8
     blocks["azimuth"][1, 7] = 36_001
     blocks["flag"][2, 9] = FLAG_UPPER  # neither full nor empty
-    known, turn = packets.sound(payloads)
+    known, turn = packets.check_payloads(payloads)
     assert (list(known), list(turn)) == ([True, True, False], [True, False, False])

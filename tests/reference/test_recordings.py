@@ -14,8 +14,7 @@ import yaml
 from defusedxml import ElementTree
 from support.capture import spin, two_returns
 
-from velocal.capture.ledger import Ledger
-from velocal.capture.reading import open_recording
+from velocal.capture.reading import open_capture
 from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS, LAST, STRONGEST, decode, view
 from velocal.recording.identify import candidates, check_scanner
@@ -28,7 +27,7 @@ from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
 
 
 def sound_payloads(path) -> np.ndarray:
-    return np.concatenate([c.payloads for c in open_recording(path).packets(Ledger(0))])
+    return np.concatenate([c.payloads for c in open_capture(path).read()])
 
 
 def flat(payloads, scanner):

@@ -148,7 +148,7 @@ def test_text_is_no_clock(tmp_path):
 
 
 def test_damage_at_the_beginning_does_not_hide_the_clock(tmp_path):
-    """The first sound packet stands alone, and one time is no clock."""
+    """The first valid packet stands alone, and one time is no clock."""
     records = record_list(spin(N), 42)
     records[1] = records[1][:500] + records[1][503:]
     found = inspect(write(tmp_path, records))
@@ -297,7 +297,7 @@ def test_a_rotation_shorter_than_a_packet(tmp_path):
 
 
 def test_returns_of_rotations(tmp_path):
-    """A stretch without one sound packet amid the rotation does not stop the decoding."""
+    """A stretch without one valid packet amid the rotation does not stop the decoding."""
     payloads = spin(N)
     azimuth = view(payloads)["blocks"]["azimuth"]
     azimuth[41] = 40_000

@@ -18,7 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import CHOICES
 from velocal.recording.identify import candidates, check_scanner
@@ -92,11 +92,11 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
-def scan(file: Path, choice: Choice) -> Inspection:
+def scan(file: Path, source: SourceFilter) -> Inspection:
     """Scan a recording, with progress."""
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
         return inspect(
-            file, lambda done, total: bar.update(task, completed=done, total=total), choice
+            file, lambda done, total: bar.update(task, completed=done, total=total), source
         )
 
 

@@ -10,7 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.cli.common import (
     Address,
     Port,
@@ -80,8 +80,8 @@ def points(
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
     check_returns(returns)
-    choice = Choice(port, address)
-    inspection = scan(file, choice)
+    source = SourceFilter(port, address)
+    inspection = scan(file, source)
     known, _ = scanner_of(inspection, scanner, file)
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
@@ -92,7 +92,7 @@ def points(
         max_range,
         frame,
         returns,
-        choice,
+        source,
     )
     facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
     total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.cli import stream
 from velocal.cli.common import (
     Address,
@@ -37,7 +37,7 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Tell what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    inspection = scan(file, Choice(port, address))
+    inspection = scan(file, SourceFilter(port, address))
     try:
         known, remarks = scanner_of(inspection, scanner, file)
         name = known.name
@@ -120,8 +120,8 @@ def decode(
             f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
         )
     check_returns(returns)
-    choice = Choice(port, address)
-    inspection = scan(file, choice)
+    source = SourceFilter(port, address)
+    inspection = scan(file, source)
     known, _ = scanner_of(inspection, scanner, file)
     chosen = window_rotations(inspection.index, window, rotations, str(file))
     index = inspection.index
@@ -135,6 +135,6 @@ def decode(
             output,
             lambda done: bar.update(task, completed=done, total=total),
             returns=returns,
-            choice=choice,
+            source=source,
         )
     print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from velocal.calibration.files import formats
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.cli.common import Address, Port, Recording, scan
 from velocal.packets.status import StatusStream
 
@@ -22,7 +22,7 @@ def from_recording(
     address: Address = None,
 ) -> None:
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
-    status = scan(file, Choice(port, address)).status
+    status = scan(file, SourceFilter(port, address)).status
     formats.write(output, status.calibration(str(file)))
     print(f"{output}: {table_summary(status)}")
 

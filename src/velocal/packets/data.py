@@ -107,7 +107,7 @@ def flags_and_azimuths(
     return flag, azimuth
 
 
-def sound(payloads: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def check_payloads(payloads: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Tell which payloads have only known block flags, and which only azimuths in one turn.
 
     The last four blocks of a VLS-128 with two returns are empty and have no flag.

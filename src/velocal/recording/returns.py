@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.capture.reading import ANY, Choice
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
 from velocal.packets.data import decode
 from velocal.recording.identify import check_scanner
@@ -37,7 +37,7 @@ def write_returns(
     progress: Progress | None = None,
     *,
     returns: str = "strongest",
-    choice: Choice = ANY,
+    source: SourceFilter = ANY_SOURCE,
 ) -> int:
     """Decode rotations of a recording into a Parquet file of returns.
 
@@ -57,7 +57,7 @@ def write_returns(
         Called with the number of packets decoded so far.
     returns : {"strongest", "last", "both"}
         Which return, where a shot has two. With both, a shot has two rows.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners, as when it was indexed.
 
     Returns
@@ -76,7 +76,7 @@ def write_returns(
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
         for columns in returns_of(
-            recording, index, rotations, scanner, progress, returns=returns, choice=choice
+            recording, index, rotations, scanner, progress, returns=returns, source=source
         ):
             writer.write(columns)
             rows += len(columns["laser_id"])
@@ -91,7 +91,7 @@ def returns_of(
     progress: Progress | None = None,
     *,
     returns: str = "strongest",
-    choice: Choice = ANY,
+    source: SourceFilter = ANY_SOURCE,
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Decode rotations of a recording, some thousand packets at a time.
 
@@ -103,7 +103,7 @@ def returns_of(
         Columns of `schemas.RETURNS`.
     """
     packets = 0
-    parts = read_rotations(recording, index, rotations, choice)
+    parts = read_rotations(recording, index, rotations, source)
     for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
         firings = decode(payloads, scanner, returns)
         of_firing = rotation.reshape(-1)[firings.block]

@@ -6,7 +6,7 @@ rotations, not of packets.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from velocal.capture import order as sequence
 from velocal.capture.chunk import Chunk, joined
 from velocal.capture.ledger import Ledger
-from velocal.capture.reading import ANY, Choice, Progress, open_recording
+from velocal.capture.reading import Progress, open_capture
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import RecordingError
 from velocal.packets.data import (
     BLOCKS,
@@ -56,7 +57,7 @@ class RotationIndex:
     block : ndarray of int8, shape (n + 1,)
         Number of that block in its packet.
     packet : ndarray of int64, shape (n + 1,)
-        Running number of that packet among the sound data packets.
+        Running number of that packet among the valid data packets.
     time_s : ndarray of float64, shape (n + 1,)
         Time of that packet since the first; from the device clock, else from the capture;
         NaN where neither exists.
@@ -165,7 +166,9 @@ class Inspection:
         return float(self.index.time_s[-1] - self.index.time_s[0])
 
 
-def inspect(path: Path, progress: Progress | None = None, choice: Choice = ANY) -> Inspection:
+def inspect(
+    path: Path, progress: Progress | None = None, source: SourceFilter = ANY_SOURCE
+) -> Inspection:
     """Scan a recording once: ledger, rotations, timing, what the packets say of the scanner.
 
     Parameters
@@ -174,25 +177,24 @@ def inspect(path: Path, progress: Progress | None = None, choice: Choice = ANY) 
         Capture file, or folder of a ROS 2 bag.
     progress : callable, optional
         Called with bytes done and bytes in all.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners.
 
     Raises
     ------
     RecordingError
-        If the file has no known framing, not one sound data packet, or several scanners.
+        If the file has no known framing, not one valid data packet, or several scanners.
     """
-    recording = open_recording(path, choice)
-    ledger = Ledger(file_bytes=0)
+    reading = open_capture(path, source).read(progress)
     scan = _Scan()
-    for chunk in _merged(recording.packets(ledger, progress)):
+    for chunk in _merged(reading):
         scan.take(chunk)
     if scan.packets == 0:
-        raise RecordingError("holds no sound data packet", where=str(path))
-    return scan.result(ledger, recording.enterable)
+        raise RecordingError("holds no valid data packet", where=str(path))
+    return scan.result(reading.ledger, reading.seekable)
 
 
-def _merged(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
+def _merged(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     """Join chunks, which damage may cut to single packets, so that each has a clock to judge by."""
     held: list[Chunk] = []
     for chunk in chunks:
@@ -302,7 +304,7 @@ class _Scan:
     def _clocked(self) -> bool:
         return self.clock == "device"
 
-    def result(self, ledger: Ledger, enterable: bool) -> Inspection:
+    def result(self, ledger: Ledger, seekable: bool) -> Inspection:
         columns = [*self.starts, (ledger.file_bytes, 0, self.packets, self.last_time)]
         offset, block, packet, time = (np.array(c) for c in zip(*columns, strict=True))
         complete = np.ones(len(self.starts), dtype=bool)
@@ -310,7 +312,7 @@ class _Scan:
         for at, _ in self.gap_after:
             # The gap lies between two packets, which may belong to two rotations.
             complete[np.searchsorted(packet[:-1], [at - 1, at], side="right") - 1] = False
-        offset = offset.astype(np.int64) if enterable else np.full(len(offset), -1)
+        offset = offset.astype(np.int64) if seekable else np.full(len(offset), -1)
         index = RotationIndex(
             offset, block.astype(np.int8), packet.astype(np.int64), time, complete
         )

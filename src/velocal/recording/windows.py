@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.capture.chunk import Chunk
-from velocal.capture.ledger import Ledger
-from velocal.capture.reading import ANY, Choice, open_recording
+from velocal.capture.reading import open_capture
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS
@@ -80,7 +80,10 @@ def window_rotations(
 
 
 def read_rotations(
-    path: Path, index: RotationIndex, rotations: NDArray[np.int64], choice: Choice = ANY
+    path: Path,
+    index: RotationIndex,
+    rotations: NDArray[np.int64],
+    source: SourceFilter = ANY_SOURCE,
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Read the packets of some rotations.
 
@@ -89,22 +92,22 @@ def read_rotations(
     Yields
     ------
     chunk : Chunk
-        Sound packets; the first and last of a run may also hold blocks of a neighbour.
+        Valid packets; the first and last of a run may also hold blocks of a neighbour.
     rotation : ndarray of int64, shape (n, 12)
         Rotation of every block, -1 where it was not asked for.
     """
-    recording = open_recording(path, choice)
+    capture = open_capture(path, source)
     wanted = np.zeros(len(index) + 1, dtype=bool)
     wanted[rotations] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
     runs = list(zip(edges[::2], edges[1::2], strict=True))
     if index.offset[0] < 0:
-        yield from _counted(recording.packets(Ledger(file_bytes=0)), 0, index, wanted)
+        yield from _counted(capture.read(), 0, index, wanted)
         return
     for first, last in runs:
         # A rotation that ends inside a packet needs that packet too.
         stop = int(index.offset[last]) + (1 if index.block[last] else 0)
-        chunks = recording.packets_from(int(index.offset[first]), stop)
+        chunks = capture.read_between(int(index.offset[first]), stop)
         # Only this run: a rotation shorter than a packet lets two runs share that packet.
         run = np.zeros_like(wanted)
         run[first:last] = True
@@ -112,7 +115,7 @@ def read_rotations(
 
 
 def _counted(
-    chunks: Iterator[Chunk], done: int, index: RotationIndex, wanted: NDArray[np.bool_]
+    chunks: Iterable[Chunk], done: int, index: RotationIndex, wanted: NDArray[np.bool_]
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Packets of wanted rotations among chunks of which the first begins with packet `done`."""
     boundaries = index.packet * BLOCKS + index.block
@@ -125,7 +128,7 @@ def _counted(
         used = np.flatnonzero((rotation >= 0).any(axis=1))
         if len(used):
             rows = slice(int(used[0]), int(used[-1]) + 1)
-            yield chunk.take(rows), rotation[rows]
+            yield chunk.select(rows), rotation[rows]
         done += n
         if done * BLOCKS >= end:
             return

@@ -16,7 +16,9 @@ from support.capture import spin, two_returns
 
 from velocal.capture.reading import open_capture
 from velocal.io import schemas, storage
-from velocal.packets.data import BLOCKS, LAST, STRONGEST, decode, view
+from velocal.packets.data import BLOCKS, view
+from velocal.packets.dual import LAST, STRONGEST
+from velocal.packets.firings import decode
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect

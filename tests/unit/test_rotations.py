@@ -8,7 +8,8 @@ from velocal.capture import framing
 from velocal.capture import order as sequence
 from velocal.errors import ConfigError, RecordingError
 from velocal.io import schemas, storage
-from velocal.packets.data import decode, view
+from velocal.packets.data import view
+from velocal.packets.firings import decode
 from velocal.recording import scan as rotations
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.returns import write_returns

@@ -20,7 +20,7 @@ from rich.progress import (
 
 from velocal.capture.source import SourceFilter
 from velocal.errors import ConfigError
-from velocal.packets.data import CHOICES
+from velocal.packets.dual import CHOICES
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.scan import Inspection, inspect
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named

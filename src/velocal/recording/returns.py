@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
-from velocal.packets.data import decode
+from velocal.packets.firings import decode
 from velocal.recording.identify import check_scanner
 from velocal.recording.scan import Inspection, RotationIndex, inspect
 from velocal.recording.windows import read_rotations

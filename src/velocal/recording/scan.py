@@ -25,9 +25,9 @@ from velocal.packets.data import (
     MODES,
     flags_and_azimuths,
     median_azimuth_step,
-    two_returns,
     view,
 )
+from velocal.packets.dual import two_returns
 from velocal.packets.status import TRAILING, StatusReader, StatusStream
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, BANK_FLAGS
 

@@ -44,7 +44,7 @@ def test_velodyne_decoder_reads_the_same(series):
     payloads = encode(blocks, blocks, channels, channels, time_us.astype(np.uint32), status)
     theirs = hdl64e.read_status_info(bytes(payload) for payload in payloads)
     reader = StatusReader()
-    reader.take(payloads[:, -6:])
+    reader.consume(payloads[:, -6:])
     ours = reader.result()
     assert theirs["Model"] == ours.series == series
     assert theirs["Temperature"] == 51 == ours.temperature_deg_c[0]

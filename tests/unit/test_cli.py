@@ -45,7 +45,7 @@ def recording(tmp_path_factory):
 def test_inspect(recording):
     done = velocal("inspect", recording)
     assert done.returncode == 0, done.stderr
-    for part in ("HDL-32E", "records of 1248 bytes", "cut short", "calibration in stream"):
+    for part in ("HDL-32E", "records of 1248 bytes", "cut short", "embedded calibration"):
         assert part in done.stdout
     facts = json.loads(velocal("inspect", "--json", recording).stdout)
     assert facts["scanner"] == "HDL-32E"
@@ -100,7 +100,7 @@ def test_inspect_tells_the_status(streaming):
         "temperature 46 deg C",
         "firmware 4.07",
         "GPS time 2014-06-12 09:00:05 (GPS: not connected, clock runs free)",
-        "calibration in stream complete, S2, 2 tables alike",
+        "embedded calibration complete, S2, 2 equal tables",
     ):
         assert part in told
     facts = json.loads(velocal("inspect", "--json", streaming).stdout)
@@ -113,7 +113,7 @@ def test_calibration_from_recording(streaming, tmp_path, suffix):
     out = tmp_path / f"factory.{suffix}"
     done = velocal("calibration", "from-recording", streaming, "-o", out)
     assert done.returncode == 0, done.stderr
-    assert "2 tables alike" in done.stdout
+    assert "2 equal tables" in done.stdout
     design, found = parameters.nominal(SCANNERS["HDL-64E"]), formats.read(out, 64)
     np.testing.assert_allclose(found.v, design.v, atol=np.deg2rad(0.005) * (1 + 1e-9))
     np.testing.assert_allclose(found.hoff, design.hoff, atol=1e-12)

@@ -22,7 +22,8 @@ from velocal.capture.source import SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.dual import CHOICES
 from velocal.recording.identify import candidates, check_scanner
-from velocal.recording.scan import Inspection, inspect
+from velocal.recording.inspection import Inspection
+from velocal.recording.scan import inspect
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)

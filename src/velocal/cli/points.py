@@ -26,7 +26,7 @@ from velocal.cli.common import (
 from velocal.errors import ConfigError
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
-from velocal.recording.scan import Inspection
+from velocal.recording.inspection import Inspection
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -58,7 +58,7 @@ def points(
     rotations: Annotated[
         str, typer.Option(help="A:B, from rotation A up to but without B, as in Python.")
     ] = ":",
-    every: Annotated[int, typer.Option(min=1, help="Only every so many-th of them.")] = 1,
+    every: Annotated[int, typer.Option(min=1, help="Use every N-th rotation.")] = 1,
     min_range: Annotated[float, typer.Option(min=0.0, help="Nearest points, metres.")] = 0.0,
     max_range: Annotated[float, typer.Option(min=0.0, help="Farthest points, metres.")] = np.inf,
     frame: Annotated[

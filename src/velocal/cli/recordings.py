@@ -1,4 +1,4 @@
-"""Look at recordings and decode them."""
+"""Commands that look at recordings, decode them, and take out their embedded calibration."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from velocal.calibration.files import formats
 from velocal.capture.source import SourceFilter
-from velocal.cli import stream
 from velocal.cli.common import (
     Address,
     Port,
@@ -24,8 +24,8 @@ from velocal.cli.common import (
     scanner_of,
 )
 from velocal.errors import ConfigError
+from velocal.recording.inspection import Inspection
 from velocal.recording.returns import write_returns
-from velocal.recording.scan import Inspection
 from velocal.recording.windows import window_rotations
 
 
@@ -36,7 +36,7 @@ def inspect(
     address: Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
-    """Tell what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
+    """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
     inspection = scan(file, SourceFilter(port, address))
     try:
         known, remarks = scanner_of(inspection, scanner, file)
@@ -57,34 +57,21 @@ def inspect(
 
 
 def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> None:
-    facts, ledger = inspection.as_dict(), inspection.ledger
+    """Print facts, remarks and the ledger as tables."""
+    ledger = inspection.ledger
     console = Console(highlight=False)
     top = Table(show_header=False, box=None, pad_edge=False)
-    index = inspection.index
-    rows = {
-        "scanner": scanner,
-        "framing": ledger.framing,
-        "sent from": ", ".join(f"{name} ({n})" for name, n in ledger.senders.items()) or "unknown",
-        "duration": f"{inspection.duration_s:.3f} s ({inspection.clock} clock)",
-        "rotations": f"{len(index)}, {int(index.complete.sum())} complete",
-        "rotation rate": f"{index.rate_hz():.3f} Hz",
-        "packet rate": f"{facts['packet_rate_hz']:.1f} Hz",
-        "azimuth step": f"{facts['azimuth_step_deg']:.2f} deg, "
-        f"in multiples of {facts['azimuth_resolution_deg']:.2f} deg",
-        "blocks": ", ".join(f"{count} {side}" for side, count in inspection.block_counts.items()),
-        "returns": facts["returns"],
-        "gaps": f"{inspection.gaps}, about {inspection.packets_missing} packets missing",
-        "product byte": facts["product"] or "none",
-        **stream.rows(inspection.status),
-    }
-    for key, value in rows.items():
-        top.add_row(f"[bold]{key}[/]", value)
+    senders = ", ".join(f"{name} ({n})" for name, n in ledger.senders.items())
+    rows = {"scanner": scanner, "framing": ledger.framing, "sent from": senders or "unknown"}
+    rows |= {fact.label: fact.text for fact in inspection.facts() if fact.label}
     if ledger.reordered:
-        top.add_row("[bold]put in order[/]", f"{ledger.reordered} packets that had come late")
+        rows["put in order"] = f"{ledger.reordered} packets that had come late"
     if ledger.assembled:
-        top.add_row("[bold]assembled[/]", f"{ledger.assembled} packets from IP fragments")
+        rows["assembled"] = f"{ledger.assembled} packets from IP fragments"
     if ledger.nmea:
-        top.add_row("[bold]NMEA[/]", escape(ledger.nmea))
+        rows["NMEA"] = ledger.nmea
+    for label, text in rows.items():
+        top.add_row(f"[bold]{label}[/]", escape(text))
     for remark in remarks:
         top.add_row("[bold yellow]remark[/]", escape(remark))
     console.print(top)
@@ -138,3 +125,17 @@ def decode(
             source=source,
         )
     print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
+
+
+def from_recording(
+    file: Recording,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Calibration to write: .xml .yaml .csv .json")
+    ],
+    port: Port = None,
+    address: Address = None,
+) -> None:
+    """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
+    status = scan(file, SourceFilter(port, address)).status
+    formats.write(output, status.calibration(str(file)))
+    print(f"{output}: {status.tables_text}")

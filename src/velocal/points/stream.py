@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.packets.data import BLOCKS, view
 from velocal.packets.firings import Firings, decode
-from velocal.recording.scan import Inspection
+from velocal.recording.inspection import Inspection
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner

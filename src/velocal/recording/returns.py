@@ -18,7 +18,9 @@ from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
 from velocal.packets.firings import decode
 from velocal.recording.identify import check_scanner
-from velocal.recording.scan import Inspection, RotationIndex, inspect
+from velocal.recording.inspection import Inspection
+from velocal.recording.rotation_index import RotationIndex
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
 from velocal.scanner.models import Scanner
 

@@ -14,13 +14,16 @@ from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS
-from velocal.recording.scan import RotationIndex
+from velocal.recording.rotation_index import RotationIndex
+
+#: Stands in the file for every offset of a recording that is not seekable.
+_NOT_SEEKABLE = -1
 
 
 def write_index(path: Path, index: RotationIndex) -> None:
-    """Write an index as Parquet (`schemas.ROTATIONS`)."""
+    """Write an index as Parquet (`schemas.ROTATIONS`); the file appears when it is complete."""
     columns = {
-        "offset": index.offset,
+        "offset": index.offset if index.seekable else np.full_like(index.offset, _NOT_SEEKABLE),
         "block": index.block,
         "packet": index.packet,
         "time_s": index.time_s,
@@ -30,14 +33,22 @@ def write_index(path: Path, index: RotationIndex) -> None:
 
 
 def read_index(path: Path) -> RotationIndex:
-    """Read what `write_index` wrote."""
+    """Read what `write_index` wrote.
+
+    Raises
+    ------
+    StorageError
+        If the file is damaged, or of another kind or version.
+    """
     columns, _ = storage.read_table(path, schemas.ROTATIONS)
+    offset = columns["offset"]
     return RotationIndex(
-        columns["offset"],
+        offset,
         columns["block"],
         columns["packet"],
         columns["time_s"],
         columns["complete"][:-1],
+        seekable=bool(offset[0] != _NOT_SEEKABLE),
     )
 
 
@@ -55,6 +66,11 @@ def window_rotations(
         Number of rotations of a window; not used by "all".
     where : str
         Recording, for the error.
+
+    Returns
+    -------
+    ndarray of int64
+        Numbers of the rotations.
 
     Raises
     ------
@@ -87,7 +103,18 @@ def read_rotations(
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Read the packets of some rotations.
 
-    A file that cannot be entered in the middle is read from its beginning to the last of them.
+    A recording that is not seekable is read from its beginning to the last of them.
+
+    Parameters
+    ----------
+    path : Path
+        Capture file.
+    index : RotationIndex
+        Of that file.
+    rotations : ndarray of int64
+        Rotations to read.
+    source : SourceFilter
+        Which of several scanners, as when the file was scanned.
 
     Yields
     ------
@@ -101,7 +128,7 @@ def read_rotations(
     wanted[rotations] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
     runs = list(zip(edges[::2], edges[1::2], strict=True))
-    if index.offset[0] < 0:
+    if not index.seekable:
         yield from _counted(capture.read(), 0, index, wanted)
         return
     for first, last in runs:

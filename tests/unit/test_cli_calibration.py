@@ -70,7 +70,7 @@ def test_show(files):
 def test_lint(files):
     done = run("lint", files / "db.xml", files / "vlp.yaml")
     assert done.exit_code == 0
-    assert done.stdout.count("nothing odd") == 2
+    assert done.stdout.count("no problems found") == 2
     (files / "page.xml").write_text("<!DOCTYPE html><html>")
     done = run("lint", files / "db.xml", files / "page.xml")
     assert done.exit_code == 1

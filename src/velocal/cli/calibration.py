@@ -109,7 +109,7 @@ def lint(
         for finding in findings:
             print(f"{file}: {finding.code}: {finding.text}")
         if not findings:
-            print(f"{file}: nothing odd")
+            print(f"{file}: no problems found")
         faults += len(findings)
     if faults:
         raise typer.Exit(1)

@@ -19,9 +19,7 @@ from rich.progress import (
 )
 
 from velocal.capture.source import SourceFilter
-from velocal.errors import ConfigError
-from velocal.packets.dual import CHOICES
-from velocal.recording.identify import candidates, check_scanner
+from velocal.recording.identify import identify
 from velocal.recording.inspection import Inspection
 from velocal.recording.scan import inspect
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
@@ -55,23 +53,6 @@ Returns = Annotated[
 ]
 
 
-def check_returns(returns: str) -> None:
-    """Check the choice of returns.
-
-    Raises
-    ------
-    ConfigError
-        If it is unknown.
-    """
-    if returns not in CHOICES:
-        raise ConfigError(
-            f"unknown return {returns!r}",
-            where="--return",
-            allowed=", ".join(CHOICES),
-            hint="It matters only where a scanner was set to dual return.",
-        )
-
-
 def escape(text: str) -> str:
     """Text that the console shows as it is."""
     return text.replace("[", r"\[")
@@ -94,7 +75,13 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
 
 
 def scan(file: Path, source: SourceFilter) -> Inspection:
-    """Scan a recording, with progress."""
+    """Scan a recording, with progress.
+
+    Raises
+    ------
+    RecordingError
+        As `inspect`.
+    """
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
         return inspect(
             file, lambda done, total: bar.update(task, completed=done, total=total), source
@@ -102,15 +89,16 @@ def scan(file: Path, source: SourceFilter) -> Inspection:
 
 
 def scanner_of(inspection: Inspection, name: str | None, file: Path) -> tuple[Scanner, list[str]]:
-    """The scanner that was named, checked, or the one that fits best."""
-    if name is not None:
-        scanner = scanner_named(name, where="--scanner")
-        return scanner, check_scanner(inspection, scanner, str(file))
-    fits = candidates(inspection)
-    if not fits:
-        raise ConfigError(
-            "flags and packet rate fit no known scanner",
-            where=str(file),
-            hint="Name it with --scanner.",
-        )
-    return fits[0], check_scanner(inspection, fits[0], str(file))
+    """Scanner that made a recording, and remarks; see `identify`.
+
+    Parameters
+    ----------
+    inspection : Inspection
+        Of the recording.
+    name : str or None
+        Name that the user stated.
+    file : Path
+        The recording, for errors.
+    """
+    stated = None if name is None else scanner_named(name, where="--scanner")
+    return identify(inspection, stated, str(file))

@@ -17,13 +17,13 @@ from velocal.cli.common import (
     Recording,
     Returns,
     ScannerName,
-    check_returns,
     escape,
     progress,
     scan,
     scanner_of,
 )
 from velocal.errors import ConfigError
+from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
 from velocal.recording.inspection import Inspection
@@ -79,7 +79,7 @@ def points(
             allowed="a .png, together with --before",
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
-    check_returns(returns)
+    check_choice(returns, "--return")
     source = SourceFilter(port, address)
     inspection = scan(file, source)
     known, _ = scanner_of(inspection, scanner, file)

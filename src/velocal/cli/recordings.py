@@ -17,13 +17,14 @@ from velocal.cli.common import (
     Recording,
     Returns,
     ScannerName,
-    check_returns,
     escape,
     progress,
     scan,
     scanner_of,
 )
 from velocal.errors import ConfigError
+from velocal.packets.dual import check_choice
+from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
 from velocal.recording.returns import write_returns
 from velocal.recording.windows import window_rotations
@@ -38,13 +39,11 @@ def inspect(
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
     inspection = scan(file, SourceFilter(port, address))
-    try:
+    if scanner is None and not candidates(inspection):
+        name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
+    else:
         known, remarks = scanner_of(inspection, scanner, file)
         name = known.name
-    except ConfigError as error:
-        if scanner is not None:
-            raise
-        name, remarks = "unknown", [error.what]
     facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
     if as_json:
         import json
@@ -106,7 +105,7 @@ def decode(
         raise ConfigError(
             f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
         )
-    check_returns(returns)
+    check_choice(returns, "--return")
     source = SourceFilter(port, address)
     inspection = scan(file, source)
     known, _ = scanner_of(inspection, scanner, file)

@@ -10,12 +10,36 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.errors import ConfigError
 from velocal.scanner.models import Scanner
 
 #: Which return a row of a table is: the only one of its shot, or one of two.
 ONLY, STRONGEST, LAST = 0, 1, 2
 #: What can be asked for where a shot has two returns.
 CHOICES = ("both", "strongest", "last")
+
+
+def check_choice(returns: str, where: str | None = None) -> None:
+    """Check the choice of returns.
+
+    Parameters
+    ----------
+    returns : str
+    where : str, optional
+        Key or option that holds it, for errors.
+
+    Raises
+    ------
+    ConfigError
+        If it is unknown.
+    """
+    if returns not in CHOICES:
+        raise ConfigError(
+            f"unknown return {returns!r}",
+            where=where,
+            allowed=", ".join(CHOICES),
+            hint="It matters only where a scanner was set to dual return.",
+        )
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from velocal.packets.dual import (
     ONLY,
     STRONGEST,
     DualLayout,
+    check_choice,
     dual_layout,
     mostly_two_returns,
 )
@@ -79,7 +80,13 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both")
     Returns
     -------
     Firings
+
+    Raises
+    ------
+    ConfigError
+        If `returns` is unknown.
     """
+    check_choice(returns)
     packets = view(payloads)
     flag, azimuth = flags_and_azimuths(packets)
     channels = packets["blocks"]["channels"]

@@ -110,3 +110,41 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             + ("two returns a shot" if inspection.dual else "one return a shot")
         )
     return remarks
+
+
+def identify(
+    inspection: Inspection, stated: Scanner | None, where: str
+) -> tuple[Scanner, list[str]]:
+    """Find the scanner that made a recording, or check the one that is stated.
+
+    Parameters
+    ----------
+    inspection : Inspection
+    stated : Scanner or None
+        The scanner that is said to have made the recording.
+    where : str
+        The recording, for errors.
+
+    Returns
+    -------
+    scanner : Scanner
+        The stated one, or the best of `candidates`.
+    remarks : list of str
+        See `check_scanner`.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot come from the stated scanner, or fits no known one.
+    """
+    if stated is None:
+        fits = candidates(inspection)
+        if not fits:
+            raise RecordingError(
+                "flags and packet rate fit no known scanner",
+                where=where,
+                allowed=", ".join(SCANNERS),
+                hint="`velocal inspect` shows the flags and the rate.",
+            )
+        stated = fits[0]
+    return stated, check_scanner(inspection, stated, where)

@@ -50,8 +50,8 @@ def test_help(command):
     for part in {
         "": ["show", "lint", "convert", "diff", "db.xml"],
         "show": ["degrees and centimetres", "--json"],
-        "lint": ["missing or doubled", "Exit code 1"],
-        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "By suffix if left out"],
+        "lint": ["missing or doubled", "exit code is 1"],
+        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "Chosen by suffix if left out"],
         "diff": ["--ranges", "--figure", "--first", "what the choice of the program costs"],
     }[command]:
         assert part in text

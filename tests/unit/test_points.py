@@ -324,7 +324,7 @@ def test_command(capture, tmp_path):
     ("arguments", "message"),
     [
         (["-o", "x.xyz"], "unknown suffix '.xyz'"),
-        (["-o", "x.ply", "--rotations", "5"], "is no range"),
+        (["-o", "x.ply", "--rotations", "5"], "is not a range"),
         (["-o", "x.ply", "--rotations", "900:"], "holds no rotation"),
         (["-o", "x.ply", "--picture", "x.png"], "together with --before"),
         (["-o", "x.ply", "--frame", "enu"], "allowed: velocal, ros"),

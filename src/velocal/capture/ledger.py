@@ -59,7 +59,15 @@ class Ledger:
     nmea: str = ""
 
     def reject(self, reason: str, packets: int, bytes_: int) -> None:
-        """Enter packets that are not used, unless both numbers are zero."""
+        """Enter packets that are not used.
+
+        Parameters
+        ----------
+        reason : str
+            Why they are not used.
+        packets, bytes_ : int
+            Their number and their bytes, framing included. If both are zero, nothing is entered.
+        """
         if packets or bytes_:
             self.rejected.setdefault(reason, Count()).add(packets, bytes_)
 

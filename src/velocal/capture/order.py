@@ -55,10 +55,12 @@ def has_device_clock(stamps: NDArray[np.uint32], *, ordered: bool = True) -> boo
 
 
 def _stamps(chunk: Chunk) -> NDArray[np.uint32]:
+    """Trailing four bytes of every packet, shape (n,)."""
     return np.ascontiguousarray(view(chunk.payloads)["timestamp"])
 
 
 def _rising(stamps: NDArray[np.uint32]) -> bool:
+    """Whether every step is that of a clock between packets in order."""
     steps = clock_steps(stamps)
     return bool(((steps > 0) & (steps < _STEP_US)).all())
 
@@ -123,6 +125,7 @@ class Reorder:
         return chunk
 
     def _drop(self, reason: str, chunk: Chunk, rows: NDArray[np.bool_]) -> None:
+        """Enter packets in the ledger that are dropped."""
         self._ledger.reject(reason, int(rows.sum()), int(chunk.sizes[rows].sum()))
         self.changed = True
 

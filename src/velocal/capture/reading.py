@@ -181,6 +181,7 @@ class Reading:
         return self._all() if self._stretch is None else self._between(*self._stretch)
 
     def _check_complete(self) -> None:
+        """Raise an error if packets are left to read."""
         if not self.complete:
             raise RecordingError(
                 f"{self._state.value}, so its ledger is not complete",

@@ -175,4 +175,5 @@ def listed(counts: Mapping[str, int], what: str = "packets") -> str:
 
 
 def _named(counts: Counter[int]) -> dict[str, int]:
+    """Packets by address and port, ascending."""
     return {sender_name(sender): counts[sender] for sender in sorted(counts)}

@@ -51,6 +51,7 @@ def main() -> None:
 
 
 def _show_version(wanted: bool) -> None:
+    """Print the version and end, if that is asked for."""
     if wanted:
         print(f"velocal {__version__}")
         raise typer.Exit
@@ -62,4 +63,5 @@ def _options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show version.")
     ] = False,
 ) -> None:
+    """Calibrate Velodyne laser scanners against surveyed planes."""
     pass

@@ -1,4 +1,4 @@
-"""What commands share: consoles, progress, arguments that many take."""
+"""What commands share: the console of errors, progress bars, arguments and options."""
 
 from __future__ import annotations
 
@@ -43,24 +43,38 @@ Address = Annotated[
 ]
 ScannerName = Annotated[
     str | None,
-    typer.Option("--scanner", help=f"What made it: {', '.join(SCANNERS)}. Found if left out."),
+    typer.Option(
+        "--scanner", help=f"Scanner: {', '.join(SCANNERS)}. Identified by its packets if left out."
+    ),
 ]
 
 
 Returns = Annotated[
     str,
-    typer.Option("--return", help="Of shots with two returns: both, strongest or last."),
+    typer.Option("--return", help="Where a shot has two returns: both, strongest or last."),
 ]
 
 
 def escape(text: str) -> str:
-    """Text that the console shows as it is."""
+    """Protect a text from being read as markup of the console."""
     return text.replace("[", r"\[")
 
 
 @contextmanager
 def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
-    """Progress bar on the terminal's error stream; nothing where that is not a terminal."""
+    """Show a progress bar on the error stream, if that is a terminal.
+
+    Parameters
+    ----------
+    what : str
+        Text before the bar.
+
+    Yields
+    ------
+    bar : Progress
+    task : TaskID
+        To be updated by the caller.
+    """
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -304,6 +304,7 @@ class StatusReader:
         )
 
     def _read_text(self, trailing: Bytes) -> None:
+        """Read temperature and firmware of units that send text."""
         degrees = (trailing[:, 2:] == np.frombuffer(b"DegC", np.uint8)).all(axis=1)
         if degrees.any():
             # The second byte is whole degrees; how the first divides a degree is not documented.
@@ -314,6 +315,7 @@ class StatusReader:
             self._texts |= {text for text in others if re.fullmatch(rb"[vV]\d[ -~]{2}", text)}
 
     def _text(self) -> TrailingStatus:
+        """What was found in the trailing bytes of a unit that sends no status types."""
         if not self._text_degrees:
             return TrailingStatus(packets=self._packets)
         return TrailingStatus(
@@ -379,6 +381,7 @@ class StatusReader:
             self._chain = self._chain[CYCLES if valid else 1 :]
 
     def _check(self, rows: Bytes, series: str) -> bool:
+        """Count a table as valid or failed, and say which of the two it is."""
         table = np.ascontiguousarray(rows).reshape(-1).view(TABLE)[0]
         lasers = np.ascontiguousarray(table["lasers"]["values"])
         key = (lasers.tobytes(), series)

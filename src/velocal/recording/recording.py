@@ -114,6 +114,7 @@ class Recording:
 
     @cached_property
     def _identified(self) -> tuple[Scanner, list[str]]:
+        """Scanner and remarks, see `identify`."""
         return identify(self.scan(), self._stated, str(self.path))
 
     def select(

@@ -1,4 +1,4 @@
-"""Windows of rotations: the index as a file, which rotations a window has, their packets."""
+"""Windows of rotations: the index as a file, the rotations of a window, and their packets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,14 @@ _NOT_SEEKABLE = -1
 
 
 def write_index(path: Path, index: RotationIndex) -> None:
-    """Write an index as Parquet (`schemas.ROTATIONS`); the file appears when it is complete."""
+    """Write an index as Parquet (`schemas.ROTATIONS`).
+
+    Parameters
+    ----------
+    path : Path
+        File, which appears when it is complete.
+    index : RotationIndex
+    """
     columns = {
         "offset": index.offset if index.seekable else np.full_like(index.offset, _NOT_SEEKABLE),
         "block": index.block,

@@ -49,9 +49,9 @@ def test_velodyne_decoder_reads_the_same(series):
     assert theirs["Model"] == ours.series == series
     assert theirs["Temperature"] == 51 == ours.temperature_deg_c[0]
     assert theirs["Current Time"].replace(tzinfo=UTC, second=0) == ours.gps_time.replace(second=0)
-    assert theirs["Calibration Time"] == datetime.fromisoformat(ours.unit["calibrated"])
-    assert (theirs["RPM"], theirs["FOV Max"]) == (600, 36000) == (ours.unit["rpm"], 36000)
-    assert theirs["IP Source"] == ours.unit["source"] == "192.168.1.201"
+    assert theirs["Calibration Time"] == datetime.fromisoformat(ours.unit.calibrated)
+    assert (theirs["RPM"], theirs["FOV Max"]) == (600, 36000) == (ours.unit.rpm, 36000)
+    assert theirs["IP Source"] == ours.unit.source == "192.168.1.201"
     parameters = ours.calibration("x")
     columns = {name: getattr(parameters, name) for name in PARAMETERS} | parameters.carried
     assert set(columns) == set(NAMES)

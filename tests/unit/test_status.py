@@ -77,9 +77,9 @@ def test_a_whole_table(series):
     assert found.firmware == "4.07 (0x47)"
     assert found.gps_time == datetime(2010, 12, 15, 21, 19, 55, tzinfo=UTC)
     assert found.gps_valid
-    assert found.unit["calibrated"] == "2011-02-15T10:30:00"
-    assert found.unit["fov_deg"] == [0.0, 360.0]
-    assert found.unit["source"] == "10.0.0.5"
+    assert found.unit.calibrated == "2011-02-15T10:30:00"
+    assert found.unit.fov_deg == (0.0, 360.0)
+    assert found.unit.source == "10.0.0.5"
     factory = found.calibration("x")
     numbers = np.arange(64)
     np.testing.assert_allclose(factory.v, np.deg2rad(-7.0 + 0.11 * numbers), atol=1e-16)

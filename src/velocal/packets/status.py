@@ -21,8 +21,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 from typing import Any
@@ -114,6 +113,32 @@ def laser_crc(lasers: NDArray[np.void]) -> int:
 
 
 @dataclass(frozen=True)
+class UnitSettings:
+    """Settings of the unit that stand in the calibration table.
+
+    Attributes
+    ----------
+    calibrated : str or None
+        Time of calibration (ISO 8601); None if it is not set.
+    rpm : int
+        Rotations per minute.
+    fov_deg : (float, float)
+        First and last azimuth of the field of view.
+    hours : int
+        Hours of operation.
+    source, destination : str
+        IPv4 addresses.
+    """
+
+    calibrated: str | None
+    rpm: int
+    fov_deg: tuple[float, float]
+    hours: int
+    source: str
+    destination: str
+
+
+@dataclass(frozen=True)
 class TrailingStatus:
     """What the trailing bytes of a recording say: temperature, firmware, time, calibration.
 
@@ -142,8 +167,8 @@ class TrailingStatus:
         "S2" or "S3", by the form of the table.
     parameters : LaserParameters or None
         The factory's calibration, if most of the valid tables agree.
-    unit : mapping
-        Settings in the table: time of calibration, rpm, field of view and so on.
+    unit : UnitSettings or None
+        Settings in the last valid table.
     """
 
     kind: str = "none"
@@ -159,14 +184,14 @@ class TrailingStatus:
     deviating: int = 0
     series: str | None = None
     parameters: LaserParameters | None = None
-    unit: Mapping[str, Any] = field(default_factory=dict)
+    unit: UnitSettings | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain mapping for JSON; it says whether there are parameters, without their values."""
         known = {name: getattr(self, name) for name in self.__dataclass_fields__}
         known["parameters"] = self.parameters is not None
         known["gps_time"] = self.gps_time and self.gps_time.isoformat()
-        known["unit"] = dict(self.unit)
+        known["unit"] = {} if self.unit is None else asdict(self.unit)
         return known
 
     def calibration(self, where: str) -> LaserParameters:
@@ -259,7 +284,7 @@ class StatusReader:
         #: Packet with which the next cycle must begin to belong to them.
         self._next: int | None = None
         self._valid: Counter[tuple[bytes, str]] = Counter()
-        self._unit: dict[str, Any] = {}
+        self._unit: UnitSettings | None = None
         self._broken = self._failed = 0
 
     def consume(self, trailing: Bytes) -> None:
@@ -408,18 +433,19 @@ def _parameters(lasers: bytes) -> LaserParameters:
     return LaserParameters(**own, carried=values)
 
 
-def _unit(table: np.void) -> dict[str, Any]:
-    """Settings of the unit; the time of calibration is None where it was not set."""
+def _unit(table: np.void) -> UnitSettings:
+    """Settings of the unit in a table."""
     year, month, day, hour, minute, second, _ = (int(v) for v in table["lasers"]["after"][-1])
     try:
         calibrated = datetime(2000 + year, month, day, hour, minute, second).isoformat()
     except ValueError:
         calibrated = None
-    return {
-        "calibrated": calibrated,
-        "rpm": int(table["rpm"]),
-        "fov_deg": [float(angle) / 100.0 for angle in table["fov"]],
-        "hours": int(table["hours"]),
-        "source": ".".join(str(v) for v in table["source"]),
-        "destination": ".".join(str(v) for v in table["destination"]),
-    }
+    first, last = (float(angle) / 100.0 for angle in table["fov"])
+    return UnitSettings(
+        calibrated=calibrated,
+        rpm=int(table["rpm"]),
+        fov_deg=(first, last),
+        hours=int(table["hours"]),
+        source=".".join(str(v) for v in table["source"]),
+        destination=".".join(str(v) for v in table["destination"]),
+    )

@@ -18,15 +18,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from velocal.capture.source import SourceFilter
-from velocal.recording.identify import identify
-from velocal.recording.inspection import Inspection
-from velocal.recording.scan import inspect
-from velocal.scanner.models import SCANNERS, Scanner, scanner_named
+from velocal.recording.recording import Recording, open_recording
+from velocal.scanner.models import SCANNERS, scanner_named
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
-Recording = Annotated[
+File = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
@@ -88,31 +85,15 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
-def scan(file: Path, source: SourceFilter) -> Inspection:
-    """Scan a recording, with progress.
+def scanned(
+    file: Path, scanner: str | None = None, port: int | None = None, address: str | None = None
+) -> Recording:
+    """Open a recording and scan it, with progress.
 
-    Raises
-    ------
-    RecordingError
-        As `inspect`.
+    Parameters and errors are those of `open_recording` and of `Recording.scan`.
     """
+    stated = None if scanner is None else scanner_named(scanner, where="--scanner")
+    recording = open_recording(file, stated, port, address)
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
-        return inspect(
-            file, lambda done, total: bar.update(task, completed=done, total=total), source
-        )
-
-
-def scanner_of(inspection: Inspection, name: str | None, file: Path) -> tuple[Scanner, list[str]]:
-    """Scanner that made a recording, and remarks; see `identify`.
-
-    Parameters
-    ----------
-    inspection : Inspection
-        Of the recording.
-    name : str or None
-        Name that the user stated.
-    file : Path
-        The recording, for errors.
-    """
-    stated = None if name is None else scanner_named(name, where="--scanner")
-    return identify(inspection, stated, str(file))
+        recording.scan(lambda done, total: bar.update(task, completed=done, total=total))
+    return recording

@@ -10,17 +10,15 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.capture.source import SourceFilter
 from velocal.cli.common import (
     Address,
+    File,
     Port,
-    Recording,
     Returns,
     ScannerName,
     escape,
     progress,
-    scan,
-    scanner_of,
+    scanned,
 )
 from velocal.errors import ConfigError
 from velocal.packets.dual import check_choice
@@ -35,7 +33,7 @@ PICTURE_ROTATIONS = 3
 
 
 def points(
-    file: Recording,
+    file: File,
     output: Annotated[
         Path, typer.Option("--output", "-o", help=f"File to write: {', '.join(FORMATS)}.")
     ],
@@ -84,9 +82,8 @@ def points(
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
     check_choice(returns, "--return")
-    source = SourceFilter(port, address)
-    inspection = scan(file, source)
-    known, _ = scanner_of(inspection, scanner, file)
+    recording = scanned(file, scanner, port, address)
+    inspection, known = recording.scan(), recording.scanner
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
         known,
@@ -96,7 +93,7 @@ def points(
         max_range,
         frame,
         returns,
-        source,
+        recording.source,
     )
     facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
     total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())

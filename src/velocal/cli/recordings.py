@@ -10,40 +10,38 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal.calibration.files import formats
-from velocal.capture.source import SourceFilter
 from velocal.cli.common import (
     Address,
+    File,
     Port,
-    Recording,
     Returns,
     ScannerName,
     escape,
     progress,
-    scan,
-    scanner_of,
+    scanned,
 )
 from velocal.errors import ConfigError
 from velocal.packets.dual import check_choice
 from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
+from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
-from velocal.recording.windows import window_rotations
 
 
 def inspect(
-    file: Recording,
+    file: File,
     scanner: ScannerName = None,
     port: Port = None,
     address: Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    inspection = scan(file, SourceFilter(port, address))
+    recording = scanned(file, scanner, port, address)
+    inspection = recording.scan()
     if scanner is None and not candidates(inspection):
         name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
     else:
-        known, remarks = scanner_of(inspection, scanner, file)
-        name = known.name
+        name, remarks = recording.scanner.name, recording.remarks
     facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
     if as_json:
         import json
@@ -89,7 +87,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
 
 
 def decode(
-    file: Recording,
+    file: File,
     output: Annotated[Path, typer.Option("--output", "-o", help="Parquet file to write.")],
     scanner: ScannerName = None,
     window: Annotated[
@@ -101,16 +99,14 @@ def decode(
     returns: Returns = "both",
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
-    if window not in ("all", "beginning", "middle", "end"):
+    if window not in WINDOWS:
         raise ConfigError(
-            f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
+            f"unknown window {window!r}", where="--window", allowed=", ".join(WINDOWS)
         )
     check_choice(returns, "--return")
-    source = SourceFilter(port, address)
-    inspection = scan(file, source)
-    known, _ = scanner_of(inspection, scanner, file)
-    chosen = window_rotations(inspection.index, window, rotations, str(file))
-    index = inspection.index
+    recording = scanned(file, scanner, port, address)
+    known, index = recording.scanner, recording.rotations
+    chosen = recording.select(window, rotations)
     total = int(index.packet[chosen[-1] + 1] - index.packet[chosen[0]])
     with progress(f"Decoding {escape(file.name)}") as (bar, task):
         rows = write_returns(
@@ -121,13 +117,13 @@ def decode(
             output,
             lambda done: bar.update(task, completed=done, total=total),
             returns=returns,
-            source=source,
+            source=recording.source,
         )
     print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
 
 
 def from_recording(
-    file: Recording,
+    file: File,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Calibration to write: .xml .yaml .csv .json")
     ],
@@ -135,6 +131,6 @@ def from_recording(
     address: Address = None,
 ) -> None:
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
-    status = scan(file, SourceFilter(port, address)).status
+    status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
     print(f"{output}: {status.tables_text}")

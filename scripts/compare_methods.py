@@ -14,7 +14,7 @@ from velocal.io import schemas, storage
 from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -31,13 +31,14 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the comparison; `samples` has the positions of those to calibrate on and others."""
-    patches = {path.stem: patches_of(storage.read_json(path)) for path in surveys}
+    stations = {station.position: station for station in map(read_station, surveys)}
 
     def windows(sample: str, position: str) -> methods.SampleData:
         tables = (
             storage.read_table(p, schemas.ASSIGNED) for p in assigned if p.parts[-2] == sample
         )
-        return methods.SampleData(position, [observations(t, patches[position]) for t, _ in tables])
+        own = stations[position]
+        return methods.SampleData(position, [own.observations(rows) for rows, _ in tables])
 
     both = [[windows(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))

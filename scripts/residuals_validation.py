@@ -11,7 +11,7 @@ from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -29,13 +29,13 @@ def main(
 ) -> None:
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    station = read_station(survey)
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, config["rotations"])
     limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
-    data = observations(rows, patches)
+    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, station.patches, limits)
+    data = station.observations(rows)
     candidates = {"before": factory} | {p.stem: formats.read(p, known.n_lasers) for p in sets}
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
     s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}

@@ -12,11 +12,11 @@ ROTATIONS = 1  # complete ones; a scan is no more
 
 
 def main(world_file: Path, recordings: list[Path], base: Path) -> None:
-    """Write the records of every position, whose name the file has, and the base targets."""
+    """Write the records of every position, in the order of the world file, and base targets."""
     simulated = world.load(read_yaml(world_file))
-    scanner = building.described(simulated)["scanner"]
-    for recording in recordings:
-        position = recording.stem
+    described = building.described(simulated)
+    scanner = described["scanner"]
+    for position, recording in zip(described["positions"], recordings, strict=True):
         scene = building.scene(simulated, position)
         write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))
     write_targets(base, "position", building.base_targets(simulated))

@@ -75,7 +75,7 @@ def test_properties_of_the_scanners(name):
     hdl64 = {"HDL-64E", "HDL-64E-S1", "HDL-64E-S3"}
     assert (scanner.family is Family.HDL64) == (name in hdl64)
     assert scanner.paired == (name in hdl64)
-    assert scanner.strongest_first == (name in hdl64)
+    assert scanner.coarse_encoder == (name in hdl64)
     assert scanner.has_factory_file == (name in hdl64)
     assert scanner.embeds_calibration == (name in {"HDL-64E", "HDL-64E-S3"})
     assert scanner.short_name == str(scanner.n_lasers)

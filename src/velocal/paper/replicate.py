@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import settings, tabulate
-from velocal.adjustment.average import average
+from velocal.adjustment import settings
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.paper import printed as published
@@ -116,7 +117,7 @@ def _of_scanner(
     limits = Limits.from_config(config["assignment"]["gates"])
     sigma_m = config["validation"]["sigma_cm"] * 1e-2
     settled = study.adjustment(scanner)
-    adjustments: dict[str, list[tabulate.Corrections]] = {}
+    adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
@@ -135,12 +136,12 @@ def _of_scanner(
             results = adjust_all(
                 data, factory, settled["parameters"], settings.solver(settled), stochastic
             )
-            columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
-            found = tabulate.read_corrections(columns)
-            adjustments.setdefault(sample.name, []).append(found)
+            found = CalibrationSet.from_adjustments(results, factory)
+            member = Member(sample.name, position, found)
+            adjustments.setdefault(sample.name, []).append(member)
             s = {
                 "before": data.misclosure(factory),
-                "after": data.misclosure(factory.corrected(found.value)),
+                "after": data.misclosure(found.adjusted),
             }
             yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
             scan = first_rotations(returns, config["validation"]["rotations"])
@@ -158,13 +159,13 @@ def _sets(
     study: Study,
     scanner: str,
     factory: LaserParameters,
-    adjustments: dict[str, list[tabulate.Corrections]],
+    adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
     weights = study.config["adjustment"].get("average", "equal")
     sets = {"before": factory}
     for name, samples in study.parameter_sets[scanner].items():
-        chosen = average([adjustments[sample] for sample in samples], weights)
-        sets[name] = factory.corrected({key: each.mean for key, each in chosen.items()})
+        members = [member for sample in samples for member in adjustments[sample]]
+        sets[name] = average(members, weights).adjusted
     return sets
 
 

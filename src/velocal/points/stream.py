@@ -24,9 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
-from velocal.capture.reading import ANY, Choice
-from velocal.packets.data import BLOCKS, Firings, decode, view
-from velocal.recording.scan import Inspection
+from velocal.capture.source import ANY_SOURCE, SourceFilter
+from velocal.packets.data import BLOCKS, view
+from velocal.packets.firings import Firings, decode
+from velocal.recording.inspection import Inspection
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
@@ -62,7 +63,7 @@ class Settings:
         Y forward and X right, as everywhere here, or X forward and Y left.
     returns : {"strongest", "last", "both"}
         Which return, where a shot has two.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners of the recording, as when it was inspected.
     """
 
@@ -73,7 +74,7 @@ class Settings:
     max_range_m: float = np.inf
     frame: str = "velocal"
     returns: str = "strongest"
-    choice: Choice = ANY
+    source: SourceFilter = ANY_SOURCE
 
 
 def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
@@ -294,8 +295,8 @@ def stream(
     scanner = settings.scanner
     lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
     clock = _Clock(inspection, scanner)
-    index, choice = inspection.index, settings.choice
-    for chunk, rotation_of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
         for begin in range(0, len(chunk.payloads), PACKETS):
             part = slice(begin, begin + PACKETS)
             payloads, of_block = chunk.payloads[part], rotation_of_block[part]
@@ -328,8 +329,8 @@ def raw_returns(
         In the order of the wire.
     """
     scanner, found = settings.scanner, []
-    index, choice = inspection.index, settings.choice
-    for chunk, of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, of_block in read_rotations(recording, index, rotations, source):
         firings = decode(chunk.payloads, scanner, settings.returns)
         used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
         azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))

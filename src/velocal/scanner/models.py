@@ -143,13 +143,19 @@ class Scanner:
         return len(self.flags) == 2
 
     @property
-    def strongest_first(self) -> bool:
-        """Whether the strongest of two returns comes before the last one, in packets with both."""
-        return self.family is Family.HDL64
+    def sends_status(self) -> bool:
+        """Whether the last two bytes of a packet are a status type and its value.
+
+        Those of all scanners but the HDL-64E are the return mode and the product byte.
+        """
+        return self.factory_byte is None
 
     @property
     def coarse_encoder(self) -> bool:
-        """Whether azimuths come in steps so coarse that they do not tell the firing cycle."""
+        """Whether the encoder is too coarse to tell the firing cycle by single azimuth steps.
+
+        That of an HDL-64E gives multiples of 0.09 degree.
+        """
         return self.family is Family.HDL64
 
     @property

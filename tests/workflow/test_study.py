@@ -99,17 +99,23 @@ def test_second_run_is_idle(finished):
 
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
-    edited("src/velocal/reporting/figures/lasers.py", "\n# edited\n")
+    edited("src/velocal/reporting/figures/lasers.py", "\nEDITED = 1\n")
     drawn = {"draw_figure", "draw_network", "draw_plan", "summarise_outdoor", "write_report"}
     assert {rule for rule, _ in planned(finished)} == drawn
 
 
 def test_an_edited_module_in_the_middle(finished, edited):
-    edited("src/velocal/adjustment/average.py", "\n# edited\n")
+    edited("src/velocal/adjustment/average.py", "\nEDITED = 1\n")
     rules = {rule for rule, _ in planned(finished)}
     assert "average_set" in rules
     assert "residuals_validation" in rules
     assert not rules & {"decode_returns", "reduce_medians", "adjust_lasers", "simulate_recording"}
+
+
+def test_a_comment_or_a_docstring_reruns_nothing(finished, edited):
+    """Every script imports this module."""
+    edited("src/velocal/errors.py", '\n# A comment.\n"""And a text that nothing reads."""\n')
+    assert planned(finished) == []
 
 
 def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):

@@ -20,12 +20,9 @@ rule assign_medians:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         gates=config.get("assignment", {}).get("gates"),
-        library=library("assign_medians"),
     script:
         "../../scripts/assign_medians.py"
 
@@ -40,12 +37,9 @@ rule adjust_lasers:
         covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
     log:
         f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
-        library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
 
@@ -69,13 +63,10 @@ rule average_set:
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
-    conda:
-        "../../environment.yml"
     params:
         weights=config.get("adjustment", {}).get("average", "equal"),
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
         positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
         export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
-        library=library("average_set"),
     script:
         "../../scripts/average_set.py"

@@ -44,9 +44,20 @@ wildcard_constraints:
     seed=r"\d+",
 
 
-def library(script):
-    """Digest of the library modules that a script imports, so that it reruns when one changes."""
-    return library_digest(SCRIPTS / f"{script}.py")
+def complete(rules):
+    """Give every rule of these files what is the same for all of them.
+
+    `library` is a digest of the library behind the script. Snakemake itself sees only a change of
+    the script, so this param is what lets a job run again after a change of a module.
+
+    The environment says which packages the script needs. velocal must be installed in it too, as
+    environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
+    """
+    for each in rules:
+        script = (Path(str(each.basedir)) / (each.script or "")).resolve()
+        if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
+            each.set_params(library=library_digest(script))
+            each.conda_env = "../../environment.yml"
 
 
 def sample_of(wildcards):

@@ -37,14 +37,11 @@ rule draw_plan:
         f"{RESULTS}/logs/draw_plan/{{figure}}.log",
     wildcard_constraints:
         figure=one_of(PLANS),
-    conda:
-        "../../environment.yml"
     params:
         samples=lambda wildcards: PLANS[wildcards.figure]["samples"],
         selection=lambda wildcards: PLANS[wildcards.figure],
         gates=config.get("assignment", {}).get("gates"),
         simulated=bool(WORLD),
-        library=library("draw_plan"),
     script:
         "../../scripts/draw_plan.py"
 
@@ -66,11 +63,8 @@ if MAPS:
             base=f"{RESULTS}/map/base_map.csv",
         log:
             f"{RESULTS}/logs/simulate_building.log",
-        conda:
-            "../../environment.yml"
         params:
             positions=PLACES,
-            library=library("simulate_building"),
         script:
             "../../scripts/simulate_building.py"
 
@@ -85,13 +79,10 @@ if MAPS:
             points=f"{RESULTS}/map/points.parquet",
         log:
             f"{RESULTS}/logs/map_building.log",
-        conda:
-            "../../environment.yml"
         params:
             positions=PLACES,
             parameter_set=MAP["set"],
             scanner=MAP["scanner"],
-            library=library("map_building"),
         script:
             "../../scripts/map_building.py"
 
@@ -105,11 +96,8 @@ if MAPS:
             summary=f"{RESULTS}/map/summary.csv",
         log:
             f"{RESULTS}/logs/draw_map.log",
-        conda:
-            "../../environment.yml"
         params:
             selection=MAP,
             simulated=bool(WORLD),
-            library=library("draw_map"),
         script:
             "../../scripts/draw_map.py"

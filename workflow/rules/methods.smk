@@ -36,8 +36,6 @@ rule compare_methods:
         png=f"{RESULTS}/methods/comparison.png",
     log:
         f"{RESULTS}/logs/compare_methods.log",
-    conda:
-        "../../environment.yml"
     params:
         samples=samples_per_window(METHOD_SAMPLES),
         positions=positions_per_window(METHOD_SAMPLES),
@@ -47,7 +45,6 @@ rule compare_methods:
         adjustment=STUDY.adjustment(METHODS.get("scanner")),
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
-        library=library("compare_methods"),
     script:
         "../../scripts/compare_methods.py"
 
@@ -61,11 +58,8 @@ if WORLD:
             coverage=f"{RESULTS}/methods/coverage.csv",
         log:
             f"{RESULTS}/logs/coverage.log",
-        conda:
-            "../../environment.yml"
         params:
             adjustment={name: STUDY.adjustment(name) for name in STUDY.scanners},
             runs=METHODS.get("runs", 500),
-            library=library("coverage"),
         script:
             "../../scripts/coverage.py"

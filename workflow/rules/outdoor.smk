@@ -25,14 +25,11 @@ if WORLD:
             recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
         log:
             f"{RESULTS}/logs/simulate_outdoor/{{outdoor}}.log",
-        conda:
-            "../../environment.yml"
         params:
             sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
             rotations=OUTDOOR.get("rotations"),
-            library=library("simulate_outdoor"),
         script:
             "../../scripts/simulate_outdoor.py"
 
@@ -51,8 +48,6 @@ rule measure_panels:
         panels=f"{RESULTS}/outdoor/{{outdoor}}.csv",
     log:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
-    conda:
-        "../../environment.yml"
     params:
         sample=lambda wildcards: vars(outdoor_sample(wildcards)),
         set_names=lambda wildcards: list(
@@ -60,7 +55,6 @@ rule measure_panels:
         ),
         boxes=OUTDOOR.get("panels"),
         fit=OUTDOOR.get("fit"),
-        library=library("measure_panels"),
     script:
         "../../scripts/measure_panels.py"
 
@@ -75,12 +69,9 @@ rule summarise_outdoor:
         figures=[f for f in outdoor_files() if "/figures/" in f],
     log:
         f"{RESULTS}/logs/summarise_outdoor.log",
-    conda:
-        "../../environment.yml"
     params:
         selections=OUTDOOR_FIGURES,
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
-        library=library("summarise_outdoor"),
     script:
         "../../scripts/summarise_outdoor.py"

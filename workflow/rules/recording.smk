@@ -18,13 +18,10 @@ rule index_recording:
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
-        library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
 
@@ -36,12 +33,9 @@ rule read_stream_calibration:
         calibration=f"{RESULTS}/recordings/{{sample}}/calibration.xml",
     log:
         f"{RESULTS}/logs/read_stream_calibration/{{sample}}.log",
-    conda:
-        "../../environment.yml"
     params:
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
-        library=library("read_stream_calibration"),
     script:
         "../../scripts/read_stream_calibration.py"
 
@@ -54,8 +48,6 @@ rule decode_returns:
         returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     resources:
         mem_mb=800,
     params:
@@ -64,7 +56,6 @@ rule decode_returns:
         address=lambda wildcards: sample_of(wildcards).address,
         which=config["reduction"].get("return", "strongest"),
         length=config.get("windows", {}).get("rotations"),
-        library=library("decode_returns"),
     script:
         "../../scripts/decode_returns.py"
 
@@ -76,8 +67,6 @@ rule reduce_medians:
         medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     resources:
         mem_mb=1200,
     params:
@@ -86,6 +75,5 @@ rule reduce_medians:
             sample_of(wildcards).scanner
         ),
         min_count=config["reduction"]["min_count"],
-        library=library("reduce_medians"),
     script:
         "../../scripts/reduce_medians.py"

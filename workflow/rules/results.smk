@@ -16,12 +16,9 @@ rule make_table:
         tex=f"{RESULTS}/tables/table_{{table}}.tex",
     log:
         f"{RESULTS}/logs/make_table/{{table}}.log",
-    conda:
-        "../../environment.yml"
     params:
         selection=lambda wildcards: config["tables"][wildcards.table],
         simulated=bool(WORLD),
-        library=library("make_table"),
     script:
         "../../scripts/make_table.py"
 
@@ -37,10 +34,6 @@ rule compare_with_paper:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:
         f"{RESULTS}/logs/compare_with_paper.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("compare_with_paper"),
     script:
         "../../scripts/compare_with_paper.py"
 
@@ -55,13 +48,10 @@ rule draw_figure:
         csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
     log:
         f"{RESULTS}/logs/draw_figure/{{figure}}.log",
-    conda:
-        "../../environment.yml"
     params:
         selection=lambda wildcards: FIGURES[wildcards.figure],
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
-        library=library("draw_figure"),
     script:
         "../../scripts/draw_figure.py"
 
@@ -95,8 +85,6 @@ rule write_report:
         report_html=f"{RESULTS}/report.html",
     log:
         f"{RESULTS}/logs/write_report.log",
-    conda:
-        "../../environment.yml"
     params:
         title=config["study"],
         simulated=bool(WORLD),
@@ -106,6 +94,5 @@ rule write_report:
         factory_scanners=[
             name for name, path in STUDY.factories.items() if path != "nominal"
         ],
-        library=library("write_report"),
     script:
         "../../scripts/write_report.py"

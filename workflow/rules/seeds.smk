@@ -19,13 +19,10 @@ if WORLD and SEEDS:
             agreement=f"{RESULTS}/seeds/{{seed}}.csv",
         log:
             f"{RESULTS}/logs/replicate_study/{{seed}}.log",
-        conda:
-            "../../environment.yml"
         params:
             config=config,
             rotations=SEEDS["rotations"],
             schemas=str(WORKFLOW / "schemas"),
-            library=library("replicate_study"),
         script:
             "../../scripts/replicate_study.py"
 
@@ -38,11 +35,8 @@ if WORLD and SEEDS:
             agreement=f"{RESULTS}/seeds/agreement.csv",
         log:
             f"{RESULTS}/logs/summarise_seeds.log",
-        conda:
-            "../../environment.yml"
         params:
             seeds=list(range(1, SEEDS["count"] + 1)),
-            library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"
 
@@ -53,14 +47,11 @@ if WORLD and SEEDS:
             constants=f"{RESULTS}/seeds/constants.csv",
         log:
             f"{RESULTS}/logs/tune_world.log",
-        conda:
-            "../../environment.yml"
         params:
             config=config,
             rotations=SEEDS["rotations"],
             seeds=2,
             iterations=2,
             schemas=str(WORKFLOW / "schemas"),
-            library=library("tune_world"),
         script:
             "../../scripts/tune_world.py"

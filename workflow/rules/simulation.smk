@@ -18,13 +18,10 @@ if WORLD:
             recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
         log:
             f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
-        conda:
-            "../../environment.yml"
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
             rotations=config["simulation"]["rotations"],
-            library=library("simulate_recording"),
         script:
             "../../scripts/simulate_recording.py"
 
@@ -36,10 +33,6 @@ if WORLD:
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
         log:
             f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_factory"),
         script:
             "../../scripts/simulate_factory.py"
 
@@ -54,9 +47,5 @@ if WORLD:
             base_readings=f"{RESULTS}/simulation/survey/base_readings.csv",
         log:
             f"{RESULTS}/logs/simulate_survey.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_survey"),
         script:
             "../../scripts/simulate_survey.py"

@@ -31,10 +31,6 @@ if STUDY.observations:
             accuracy=f"{RESULTS}/survey/network.csv",
         log:
             f"{RESULTS}/logs/adjust_network.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("adjust_network"),
         script:
             "../../scripts/adjust_network.py"
 
@@ -46,11 +42,8 @@ if STUDY.observations:
             png=f"{RESULTS}/survey/network.png",
         log:
             f"{RESULTS}/logs/draw_network.log",
-        conda:
-            "../../environment.yml"
         params:
             simulated=bool(WORLD),
-            library=library("draw_network"),
         script:
             "../../scripts/draw_network.py"
 
@@ -65,11 +58,8 @@ rule adjust_survey:
         survey=f"{RESULTS}/survey/{{position}}.json",
     log:
         f"{RESULTS}/logs/adjust_survey/{{position}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
         names=config.get("assignment", {}).get("planes"),
-        library=library("adjust_survey"),
     script:
         "../../scripts/adjust_survey.py"

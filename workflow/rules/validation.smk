@@ -19,12 +19,9 @@ rule residuals_calibration:
         statistics=f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv",
     log:
         f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
-        library=library("residuals_calibration"),
     script:
         "../../scripts/residuals_calibration.py"
 
@@ -43,8 +40,6 @@ rule residuals_validation:
         statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
     log:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         set_names=lambda wildcards: list(
@@ -52,7 +47,6 @@ rule residuals_validation:
         ),
         gates=config.get("assignment", {}).get("gates"),
         validation=config.get("validation"),
-        library=library("residuals_validation"),
     script:
         "../../scripts/residuals_validation.py"
 
@@ -72,9 +66,5 @@ rule summarise_statistics:
         summary=f"{RESULTS}/statistics/summary.csv",
     log:
         f"{RESULTS}/logs/summarise_statistics.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("summarise_statistics"),
     script:
         "../../scripts/summarise_statistics.py"

@@ -42,7 +42,7 @@ def main_of(name):
 def written():
     """Names of rules in the text of all files of rules."""
     return re.findall(
-        r"^ *(?:use )?rule (\w+)(?: from .*| as \w+ with)?:",
+        r"^ *(?:use rule \w+ as |rule )(\w+)(?: with)?:",
         "\n".join(path.read_text() for path in RULES),
         flags=re.MULTILINE,
     )

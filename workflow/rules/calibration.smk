@@ -11,6 +11,14 @@
 #                                                          the samples against what is stated
 
 
+SETS = [
+    f"{RESULTS}/parameter_sets/{scanner}/{name}"
+    for scanner, sets in STUDY.parameter_sets.items()
+    for name in sets
+]
+SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
+
+
 rule assign_medians:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
@@ -63,6 +71,7 @@ rule average_set:
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
+    localrule: True
     params:
         weights=config.get("adjustment", {}).get("average", "equal"),
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),

@@ -9,6 +9,14 @@
 FIELD = config.get("field", {})
 
 
+FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.field else []
+FIELD_FILES += expand(
+    f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
+    sample=STUDY.field,
+    suffix=("json", "svg", "png"),
+)
+
+
 rule fit_field_planes:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
@@ -37,5 +45,6 @@ rule tabulate_field:
         md=f"{RESULTS}/field/table.md",
     log:
         f"{RESULTS}/logs/tabulate_field.log",
+    localrule: True
     script:
         "../../scripts/tabulate_field.py"

@@ -10,11 +10,7 @@
 #
 # The pose of every position is adjusted from the targets on the scanner's base, as in the field.
 
-PLANS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "plan"}
-MAPS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "map"}
-
-
-ruleorder: draw_plan > draw_figure
+PLANS, MAPS = figures_of("plan"), figures_of("map")
 
 
 rule draw_plan:
@@ -49,8 +45,6 @@ rule draw_plan:
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
     PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
-
-    ruleorder: draw_map > draw_figure
 
     rule simulate_building:
         input:

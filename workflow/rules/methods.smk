@@ -8,8 +8,18 @@
 #       {results}/methods/comparison.{svg,png}   the same as a picture
 #       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
 #                                                intervals cover the truth (Monte Carlo)
+#
+# The coverage is a property of the configuration and takes minutes: it is not part of `all`;
+# `make coverage` or `snakemake coverage` asks for it.
 
+METHODS = config.get("methods", {})
 METHOD_SAMPLES = [*METHODS.get("calibration", []), *METHODS.get("other", [])]
+
+
+METHOD_FILES = expand(
+    f"{RESULTS}/methods/comparison.{{suffix}}",
+    suffix=("csv", "md", "svg", "png") if METHODS else (),
+)
 
 
 rule compare_methods:

@@ -11,9 +11,19 @@
 #
 # The recordings are short: index, decoding and planes of one are a single job.
 
+OUTDOOR = config.get("outdoor", {})
+OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
+
 
 wildcard_constraints:
     outdoor=one_of(STUDY.outdoor),
+
+
+OUTDOOR_FILES = figure_files(OUTDOOR_FIGURES)
+OUTDOOR_FILES += expand(
+    f"{RESULTS}/outdoor/{{name}}.csv",
+    name=("means", "summary") if STUDY.outdoor else (),
+)
 
 
 if WORLD:
@@ -66,12 +76,28 @@ rule summarise_outdoor:
         summary=f"{RESULTS}/outdoor/summary.csv",
         means=f"{RESULTS}/outdoor/means.csv",
         facts=f"{RESULTS}/outdoor/facts.csv",
-        figures=[f for f in outdoor_files() if "/figures/" in f],
     log:
         f"{RESULTS}/logs/summarise_outdoor.log",
+    localrule: True
+    script:
+        "../../scripts/summarise_outdoor.py"
+
+
+rule draw_panels:
+    input:
+        summary=f"{RESULTS}/outdoor/summary.csv",
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_panels/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(OUTDOOR_FIGURES),
     params:
-        selections=OUTDOOR_FIGURES,
+        kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
+        scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
     script:
-        "../../scripts/summarise_outdoor.py"
+        "../../scripts/draw_panels.py"

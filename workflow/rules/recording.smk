@@ -9,6 +9,14 @@
 #
 # The whole recording is scanned once; only the rotations of the windows are decoded.
 
+# Samples whose recording holds the calibration of their scanner, as `stream` in the sheet says.
+EMBEDDED = [
+    name
+    for name in STUDY.samples
+    if f"{RESULTS}/recordings/{name}/calibration.xml"
+    in {sample.calibration for sample in STUDY.samples.values()}
+]
+
 
 rule index_recording:
     input:
@@ -16,8 +24,11 @@ rule index_recording:
     output:
         ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+        calibration=[],
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
+    wildcard_constraints:
+        sample=one_of([name for name in STUDY.samples if name not in EMBEDDED]),
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
@@ -26,18 +37,13 @@ rule index_recording:
         "../../scripts/index_recording.py"
 
 
-rule read_stream_calibration:
-    input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+use rule index_recording as index_recording_with_calibration with:
     output:
+        ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
+        rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
         calibration=f"{RESULTS}/recordings/{{sample}}/calibration.xml",
-    log:
-        f"{RESULTS}/logs/read_stream_calibration/{{sample}}.log",
-    params:
-        port=lambda wildcards: sample_of(wildcards).port,
-        address=lambda wildcards: sample_of(wildcards).address,
-    script:
-        "../../scripts/read_stream_calibration.py"
+    wildcard_constraints:
+        sample=one_of(EMBEDDED),
 
 
 rule decode_returns:

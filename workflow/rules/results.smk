@@ -6,6 +6,19 @@
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
 
+LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
+HISTOGRAMS = figures_of("histogram")
+
+
+TABLE_FILES = expand(
+    f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
+    table=config.get("tables", {}),
+    suffix=("csv", "md", "tex"),
+)
+AGREEMENT = (
+    f"{RESULTS}/published/agreement.csv" if config.get("compare_with_paper") else []
+)
+
 
 rule make_table:
     input:
@@ -16,6 +29,7 @@ rule make_table:
         tex=f"{RESULTS}/tables/table_{{table}}.tex",
     log:
         f"{RESULTS}/logs/make_table/{{table}}.log",
+    localrule: True
     params:
         selection=lambda wildcards: config["tables"][wildcards.table],
         simulated=bool(WORLD),
@@ -25,7 +39,9 @@ rule make_table:
 
 rule compare_with_paper:
     input:
-        tables=table_files(["csv"]),
+        tables=expand(
+            f"{RESULTS}/tables/table_{{table}}.csv", table=config.get("tables", {})
+        ),
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",
@@ -34,26 +50,51 @@ rule compare_with_paper:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:
         f"{RESULTS}/logs/compare_with_paper.log",
+    localrule: True
     script:
         "../../scripts/compare_with_paper.py"
 
 
-rule draw_figure:
+rule draw_lasers:
     input:
-        data=figure_input,
+        lasers=f"{RESULTS}/statistics/lasers.csv",
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
         csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
     log:
-        f"{RESULTS}/logs/draw_figure/{{figure}}.log",
+        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(LASER_FIGURES),
     params:
-        selection=lambda wildcards: FIGURES[wildcards.figure],
+        selection=lambda wildcards: LASER_FIGURES[wildcards.figure],
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
     script:
-        "../../scripts/draw_figure.py"
+        "../../scripts/draw_lasers.py"
+
+
+rule draw_histogram:
+    input:
+        residuals=lambda wildcards: per_window(
+            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
+            HISTOGRAMS[wildcards.figure]["samples"],
+        ),
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(HISTOGRAMS),
+    params:
+        selection=lambda wildcards: HISTOGRAMS[wildcards.figure],
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/draw_histogram.py"
 
 
 rule write_report:
@@ -62,29 +103,24 @@ rule write_report:
             f"{RESULTS}/recordings/{{sample}}/ledger.json",
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
-        agreement=(
-            f"{RESULTS}/published/agreement.csv"
-            if config.get("compare_with_paper")
-            else []
-        ),
+        agreement=AGREEMENT,
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
-        sets=set_files(["csv"]),
+        sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
-        figure_pngs=figure_files(["png"]),
-        figure_csvs=figure_files(["csv"]),
+        figure_pngs=figure_files(FIGURES, ["png"]),
+        figure_csvs=figure_files(FIGURES, ["csv"]),
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
         field_csv=f"{RESULTS}/field/table.csv" if STUDY.field else [],
         field_pngs=expand(f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field),
         outdoor_csv=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
-        outdoor_pngs=expand(
-            f"{RESULTS}/figures/figure_{{number}}.png", number=OUTDOOR_FIGURES
-        ),
+        outdoor_pngs=figure_files(OUTDOOR_FIGURES, ["png"]),
     output:
         report_html=f"{RESULTS}/report.html",
     log:
         f"{RESULTS}/logs/write_report.log",
+    localrule: True
     params:
         title=config["study"],
         simulated=bool(WORLD),

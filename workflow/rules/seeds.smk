@@ -35,6 +35,7 @@ if WORLD and SEEDS:
             agreement=f"{RESULTS}/seeds/agreement.csv",
         log:
             f"{RESULTS}/logs/summarise_seeds.log",
+        localrule: True
         params:
             seeds=list(range(1, SEEDS["count"] + 1)),
         script:

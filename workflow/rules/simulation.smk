@@ -9,6 +9,12 @@
 # A sample is simulated if its row names a recording below {results}/simulation; a row that names
 # another file uses that file. Nothing downstream can tell the difference.
 
+
+TRUTH_FILES = expand(
+    f"{RESULTS}/simulation/truth/{{scanner}}.csv",
+    scanner=STUDY.scanners if WORLD else [],
+)
+
 if WORLD:
 
     rule simulate_recording:
@@ -33,6 +39,7 @@ if WORLD:
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
         log:
             f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
+        localrule: True
         script:
             "../../scripts/simulate_factory.py"
 

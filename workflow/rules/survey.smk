@@ -11,6 +11,7 @@
 #       residuals; planes with covariance, flatness and corners, in the scanner frame
 
 SURVEY = STUDY.survey_files(f"{RESULTS}/survey")
+SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
 
 if STUDY.observations:
 
@@ -58,6 +59,7 @@ rule adjust_survey:
         survey=f"{RESULTS}/survey/{{position}}.json",
     log:
         f"{RESULTS}/logs/adjust_survey/{{position}}.log",
+    localrule: True
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
         names=config.get("assignment", {}).get("planes"),

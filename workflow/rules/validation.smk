@@ -8,6 +8,12 @@
 #       {results}/statistics/lasers.csv, summary.csv                all of them; one row a window
 
 
+STATISTICS_FILES = expand(
+    f"{RESULTS}/statistics/{{name}}.csv",
+    name=("lasers", "summary") if STUDY.surveyed else (),
+)
+
+
 rule residuals_calibration:
     input:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
@@ -66,5 +72,6 @@ rule summarise_statistics:
         summary=f"{RESULTS}/statistics/summary.csv",
     log:
         f"{RESULTS}/logs/summarise_statistics.log",
+    localrule: True
     script:
         "../../scripts/summarise_statistics.py"

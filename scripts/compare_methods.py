@@ -54,10 +54,8 @@ def main(
     )
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
     true = formats.read(truth, len(factory)) if truth else None
-    stochastic = settings.stochastic(adjustment)
-    numbers = pd.DataFrame(
-        methods.compare(known, other, factory, stochastic, sigma_cm * 1e-2, true)
-    )
+    stochastic, sigma_m = settings.stochastic(adjustment), sigma_cm * 1e-2
+    numbers = pd.DataFrame(methods.compare(known, other, factory, stochastic, sigma_m, true))
     storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(md, text)

@@ -108,14 +108,16 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
-        figure_pngs=figure_files(FIGURES, ["png"]),
-        figure_csvs=figure_files(FIGURES, ["csv"]),
+        pictures=figure_files(FIGURES, ["png"]),
+        numbers=figure_files(FIGURES, ["csv"]),
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
-        field_csv=f"{RESULTS}/field/table.csv" if STUDY.field else [],
-        field_pngs=expand(f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field),
-        outdoor_csv=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
-        outdoor_pngs=figure_files(OUTDOOR_FIGURES, ["png"]),
+        field_table=f"{RESULTS}/field/table.csv" if STUDY.field else [],
+        field_pictures=expand(
+            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field
+        ),
+        outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
+        outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
     output:
         report_html=f"{RESULTS}/report.html",
     log:

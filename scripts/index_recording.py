@@ -4,7 +4,7 @@ from pathlib import Path
 
 from velocal.calibration.files import db_xml
 from velocal.calibration.files.document import Calibration
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
@@ -28,7 +28,7 @@ def main(
     Where a file for it is given, the calibration embedded in the status bytes is written as well,
     every value as the wire holds it; that it is not there is an error then.
     """
-    inspection = inspect(recording, choice=Choice(port, address))
+    inspection = inspect(recording, source=SourceFilter(port, address))
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}

@@ -11,7 +11,7 @@ from velocal.io.scripts import run
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -30,14 +30,14 @@ def main(
 ) -> None:
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    station = read_station(survey)
     rotations = validation["rotations"]
     columns, facts = storage.read_first(returns, schemas.RETURNS, "rotation", rotations, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, rotations)
     limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
-    data = observations(rows, patches)
+    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, station.patches, limits)
+    data = station.observations(rows)
     candidates = {"before": factory} | {
         name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
     }

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import settings, tabulate
-from velocal.adjustment.average import average
+from velocal.adjustment import settings
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.paper import printed as published
@@ -36,14 +37,6 @@ from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
 from velocal.study.config import Sample, Study
 from velocal.survey.network.survey import Survey, adjust_field_book
-from velocal.survey.station import (
-    Station,
-    adjust_station,
-    as_dict,
-    observations,
-    plane_covariances,
-    uncertainty_of,
-)
 
 Columns = dict[str, NDArray[Any]]
 
@@ -124,35 +117,35 @@ def _of_scanner(
     gates = Gates.from_config(config["assignment"]["gates"])
     sigma_m = config["validation"]["sigma_cm"] * 1e-2
     settled = study.adjustment(scanner)
-    adjustments: dict[str, list[tabulate.Corrections]] = {}
+    adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
         position = str(sample.position)
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
-        station = _station(survey, scanner, position, config["assignment"]["planes"])
-        stochastic = settings.stochastic(settled, [uncertainty_of(as_dict(station))])
+        planes = config["assignment"]["planes"]
+        station = survey.station(scanner, position, planes, where="replica")
+        stochastic = settings.stochastic(settled, [station.uncertainty()])
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             medians = _medians(returns, config["reduction"], known)
             rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
-            data = observations(rows, station.patches)
+            data = station.observations(rows)
             results = adjust_all(
                 data, factory, settled["parameters"], settings.solver(settled), stochastic
             )
-            columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
-            found = tabulate.read_corrections(columns)
-            adjustments.setdefault(sample.name, []).append(found)
+            found = CalibrationSet.from_adjustments(results, factory)
+            member = Member(sample.name, position, found)
+            adjustments.setdefault(sample.name, []).append(member)
             s = {
                 "before": data.misclosure(factory),
-                "after": data.misclosure(factory.corrected(found.value)),
+                "after": data.misclosure(found.adjusted),
             }
             yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
             scan = first_rotations(returns, config["validation"]["rotations"])
-            scans[sample.name, window] = observations(
-                assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
-                station.patches,
+            scans[sample.name, window] = station.observations(
+                assigned_scan(scan, known, rate_hz, factory, station.patches, gates)
             )
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
@@ -165,13 +158,13 @@ def _sets(
     study: Study,
     scanner: str,
     factory: LaserParameters,
-    adjustments: dict[str, list[tabulate.Corrections]],
+    adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
     weights = study.config["adjustment"].get("average", "equal")
     sets = {"before": factory}
     for name, samples in study.parameter_sets[scanner].items():
-        chosen = average([adjustments[sample] for sample in samples], weights)
-        sets[name] = factory.corrected({key: each.mean for key, each in chosen.items()})
+        members = [member for sample in samples for member in adjustments[sample]]
+        sets[name] = average(members, weights).adjusted
     return sets
 
 
@@ -198,18 +191,6 @@ def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> 
         min_count=1,
     )
     return asdict(reduced)
-
-
-def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
-    base = survey.readings[scanner].targets
-    return adjust_station(
-        survey.planes,
-        base,
-        survey.base_field[position],
-        planes,
-        covariances=plane_covariances(survey.planes),
-        where="replica",
-    )
 
 
 def _windows(

@@ -1,10 +1,12 @@
-"""Scan a recording once: ledger and index of rotations."""
+"""Scan a recording once: ledger, index of rotations, and the factory's calibration in it."""
 
 from pathlib import Path
 
+from velocal.calibration.files import db_xml
+from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.source import SourceFilter
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
 from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
@@ -12,22 +14,30 @@ from velocal.scanner.models import scanner_named
 
 
 def main(
-    recording: Path, ledger: Path, rotations: Path, *, scanner: str, source: SourceFilter
+    *,
+    recording: Path,
+    ledger: Path,
+    rotations: Path,
+    calibration: Path | None,
+    scanner: str,
+    port: int | None,
+    address: str | None,
 ) -> None:
-    """Write the ledger as JSON and the index as Parquet."""
-    inspection = inspect(recording, source=source)
+    """Write the ledger as JSON and the index as Parquet.
+
+    Where a file for it is given, the calibration embedded in the status bytes is written as well,
+    every value as the wire holds it; that it is not there is an error then.
+    """
+    inspection = inspect(recording, source=SourceFilter(port, address))
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
     storage.write_json(ledger, {"file": recording.name, **facts})
+    if calibration:
+        # Not `formats.write`: a change of another format would have every recording scanned again.
+        embedded = inspection.status.calibration(str(recording))
+        db_xml.write(calibration, CalibrationFile(embedded))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.recording),
-            Path(snakemake.output.ledger),
-            Path(snakemake.output.rotations),
-            scanner=snakemake.params.scanner,
-            source=SourceFilter(snakemake.params.port, snakemake.params.address),
-        )
+    run(main, snakemake)

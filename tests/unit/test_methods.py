@@ -275,12 +275,15 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
         (tmp_path / folder).mkdir()
         outputs = {k: tmp_path / folder / f"comparison.{k}" for k in ("csv", "md", "svg", "png")}
         main(
-            assigned,
-            [tmp_path / "A.json", tmp_path / "B.json"],
-            None,
-            None,
-            outputs,
-            samples={"calibration": {"a": "A"}, "other": {"b": "B"}},
+            assigned=assigned,
+            surveys=[tmp_path / "A.json", tmp_path / "B.json"],
+            calibration=None,
+            truth=None,
+            **outputs,
+            samples=["a", "b"],
+            positions=["A", "B"],
+            calibrate_on=["a"],
+            check_on=["b"],
             scanner=scanner.name,
             adjustment=adjustment,
             sigma_cm=2.0,

@@ -9,6 +9,14 @@
 FIELD = config.get("field", {})
 
 
+FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.field else []
+FIELD_FILES += expand(
+    f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
+    sample=STUDY.field,
+    suffix=("json", "svg", "png"),
+)
+
+
 rule fit_field_planes:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
@@ -20,14 +28,11 @@ rule fit_field_planes:
         png=f"{RESULTS}/field/{{sample}}/planes.png",
     log:
         f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         patches=lambda wildcards: FIELD.get("patches", {}).get(wildcards.sample),
         search=FIELD.get("search"),
         sigma_cm=FIELD.get("sigma_cm"),
-        library=library("fit_field_planes"),
     script:
         "../../scripts/fit_field_planes.py"
 
@@ -40,9 +45,6 @@ rule tabulate_field:
         md=f"{RESULTS}/field/table.md",
     log:
         f"{RESULTS}/logs/tabulate_field.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("tabulate_field"),
+    localrule: True
     script:
         "../../scripts/tabulate_field.py"

@@ -10,11 +10,7 @@
 #
 # The pose of every position is adjusted from the targets on the scanner's base, as in the field.
 
-PLANS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "plan"}
-MAPS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "map"}
-
-
-ruleorder: draw_plan > draw_figure
+PLANS, MAPS = figures_of("plan"), figures_of("map")
 
 
 rule draw_plan:
@@ -37,37 +33,32 @@ rule draw_plan:
         f"{RESULTS}/logs/draw_plan/{{figure}}.log",
     wildcard_constraints:
         figure=one_of(PLANS),
-    conda:
-        "../../environment.yml"
     params:
-        figure=lambda wildcards: PLANS[wildcards.figure],
+        samples=lambda wildcards: PLANS[wildcards.figure]["samples"],
+        selection=lambda wildcards: PLANS[wildcards.figure],
         gates=config.get("assignment", {}).get("gates"),
         simulated=bool(WORLD),
-        library=library("draw_plan"),
     script:
         "../../scripts/draw_plan.py"
 
 
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
-
-    ruleorder: draw_map > draw_figure
+    PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
 
     rule simulate_building:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recordings=expand(
                 f"{RESULTS}/map/recordings/{{place}}.bin",
-                place=read_yaml(Path(WORLD)).get("building", {}).get("positions", {}),
+                place=PLACES,
             ),
             base=f"{RESULTS}/map/base_map.csv",
         log:
             f"{RESULTS}/logs/simulate_building.log",
-        conda:
-            "../../environment.yml"
         params:
-            library=library("simulate_building"),
+            positions=PLACES,
         script:
             "../../scripts/simulate_building.py"
 
@@ -82,11 +73,10 @@ if MAPS:
             points=f"{RESULTS}/map/points.parquet",
         log:
             f"{RESULTS}/logs/map_building.log",
-        conda:
-            "../../environment.yml"
         params:
+            positions=PLACES,
+            parameter_set=MAP["set"],
             scanner=MAP["scanner"],
-            library=library("map_building"),
         script:
             "../../scripts/map_building.py"
 
@@ -100,11 +90,8 @@ if MAPS:
             summary=f"{RESULTS}/map/summary.csv",
         log:
             f"{RESULTS}/logs/draw_map.log",
-        conda:
-            "../../environment.yml"
         params:
-            figure=MAP,
+            selection=MAP,
             simulated=bool(WORLD),
-            library=library("draw_map"),
         script:
             "../../scripts/draw_map.py"

@@ -8,13 +8,25 @@
 #       {results}/methods/comparison.{svg,png}   the same as a picture
 #       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
 #                                                intervals cover the truth (Monte Carlo)
+#
+# The coverage is a property of the configuration and takes minutes: it is not part of `all`;
+# `make coverage` or `snakemake coverage` asks for it.
+
+METHODS = config.get("methods", {})
+METHOD_SAMPLES = [*METHODS.get("calibration", []), *METHODS.get("other", [])]
+
+
+METHOD_FILES = expand(
+    f"{RESULTS}/methods/comparison.{{suffix}}",
+    suffix=("csv", "md", "svg", "png") if METHODS else (),
+)
 
 
 rule compare_methods:
     input:
         assigned=per_window(
             f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-            [*METHODS.get("calibration", []), *METHODS.get("other", [])],
+            METHOD_SAMPLES,
         ),
         surveys=[
             f"{RESULTS}/survey/{position}.json"
@@ -34,20 +46,15 @@ rule compare_methods:
         png=f"{RESULTS}/methods/comparison.png",
     log:
         f"{RESULTS}/logs/compare_methods.log",
-    conda:
-        "../../environment.yml"
     params:
-        samples={
-            kind: {
-                name: STUDY.samples[name].position for name in METHODS.get(kind, [])
-            }
-            for kind in ("calibration", "other")
-        },
+        samples=samples_per_window(METHOD_SAMPLES),
+        positions=positions_per_window(METHOD_SAMPLES),
+        calibrate_on=METHODS.get("calibration", []),
+        check_on=METHODS.get("other", []),
         scanner=METHODS.get("scanner"),
         adjustment=STUDY.adjustment(METHODS.get("scanner")),
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
-        library=library("compare_methods"),
     script:
         "../../scripts/compare_methods.py"
 
@@ -56,16 +63,13 @@ if WORLD:
 
     rule coverage:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             coverage=f"{RESULTS}/methods/coverage.csv",
         log:
             f"{RESULTS}/logs/coverage.log",
-        conda:
-            "../../environment.yml"
         params:
             adjustment={name: STUDY.adjustment(name) for name in STUDY.scanners},
             runs=METHODS.get("runs", 500),
-            library=library("coverage"),
         script:
             "../../scripts/coverage.py"

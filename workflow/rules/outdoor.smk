@@ -11,27 +11,35 @@
 #
 # The recordings are short: index, decoding and planes of one are a single job.
 
+OUTDOOR = config.get("outdoor", {})
+OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
+
 
 wildcard_constraints:
     outdoor=one_of(STUDY.outdoor),
+
+
+OUTDOOR_FILES = figure_files(OUTDOOR_FIGURES)
+OUTDOOR_FILES += expand(
+    f"{RESULTS}/outdoor/{{name}}.csv",
+    name=("means", "summary") if STUDY.outdoor else (),
+)
 
 
 if WORLD:
 
     rule simulate_outdoor:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
         log:
             f"{RESULTS}/logs/simulate_outdoor/{{outdoor}}.log",
-        conda:
-            "../../environment.yml"
         params:
+            sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
             rotations=OUTDOOR.get("rotations"),
-            library=library("simulate_outdoor"),
         script:
             "../../scripts/simulate_outdoor.py"
 
@@ -50,13 +58,13 @@ rule measure_panels:
         panels=f"{RESULTS}/outdoor/{{outdoor}}.csv",
     log:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
-    conda:
-        "../../environment.yml"
     params:
         sample=lambda wildcards: vars(outdoor_sample(wildcards)),
-        panels=OUTDOOR.get("panels"),
+        set_names=lambda wildcards: list(
+            STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
+        ),
+        boxes=OUTDOOR.get("panels"),
         fit=OUTDOOR.get("fit"),
-        library=library("measure_panels"),
     script:
         "../../scripts/measure_panels.py"
 
@@ -68,15 +76,28 @@ rule summarise_outdoor:
         summary=f"{RESULTS}/outdoor/summary.csv",
         means=f"{RESULTS}/outdoor/means.csv",
         facts=f"{RESULTS}/outdoor/facts.csv",
-        figures=[f for f in outdoor_files() if "/figures/" in f],
     log:
         f"{RESULTS}/logs/summarise_outdoor.log",
-    conda:
-        "../../environment.yml"
-    params:
-        figures=OUTDOOR_FIGURES,
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
-        simulated=bool(WORLD),
-        library=library("summarise_outdoor"),
+    localrule: True
     script:
         "../../scripts/summarise_outdoor.py"
+
+
+rule draw_panels:
+    input:
+        summary=f"{RESULTS}/outdoor/summary.csv",
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_panels/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(OUTDOOR_FIGURES),
+    params:
+        kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
+        scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/draw_panels.py"

@@ -6,6 +6,19 @@
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
 
+LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
+HISTOGRAMS = figures_of("histogram")
+
+
+TABLE_FILES = expand(
+    f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
+    table=config.get("tables", {}),
+    suffix=("csv", "md", "tex"),
+)
+AGREEMENT = (
+    f"{RESULTS}/published/agreement.csv" if config.get("compare_with_paper") else []
+)
+
 
 rule make_table:
     input:
@@ -16,20 +29,19 @@ rule make_table:
         tex=f"{RESULTS}/tables/table_{{table}}.tex",
     log:
         f"{RESULTS}/logs/make_table/{{table}}.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
-        number=lambda wildcards: wildcards.table,
-        table=lambda wildcards: config["tables"][wildcards.table],
+        selection=lambda wildcards: config["tables"][wildcards.table],
         simulated=bool(WORLD),
-        library=library("make_table"),
     script:
         "../../scripts/make_table.py"
 
 
 rule compare_with_paper:
     input:
-        tables=table_files(["csv"]),
+        tables=expand(
+            f"{RESULTS}/tables/table_{{table}}.csv", table=config.get("tables", {})
+        ),
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",
@@ -38,33 +50,51 @@ rule compare_with_paper:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:
         f"{RESULTS}/logs/compare_with_paper.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("compare_with_paper"),
+    localrule: True
     script:
         "../../scripts/compare_with_paper.py"
 
 
-rule draw_figure:
+rule draw_lasers:
     input:
-        data=figure_input,
+        lasers=f"{RESULTS}/statistics/lasers.csv",
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
         csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
     log:
-        f"{RESULTS}/logs/draw_figure/{{figure}}.log",
-    conda:
-        "../../environment.yml"
+        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(LASER_FIGURES),
     params:
-        figure=lambda wildcards: FIGURES[wildcards.figure],
+        selection=lambda wildcards: LASER_FIGURES[wildcards.figure],
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
-        library=library("draw_figure"),
     script:
-        "../../scripts/draw_figure.py"
+        "../../scripts/draw_lasers.py"
+
+
+rule draw_histogram:
+    input:
+        residuals=lambda wildcards: per_window(
+            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
+            HISTOGRAMS[wildcards.figure]["samples"],
+        ),
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(HISTOGRAMS),
+    params:
+        selection=lambda wildcards: HISTOGRAMS[wildcards.figure],
+        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/draw_histogram.py"
 
 
 rule write_report:
@@ -73,32 +103,34 @@ rule write_report:
             f"{RESULTS}/recordings/{{sample}}/ledger.json",
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
-        tables=table_files(["csv"]),
-        figures=figure_files(["png", "csv"]),
-        agreement=(
-            f"{RESULTS}/published/agreement.csv"
-            if config.get("compare_with_paper")
-            else []
-        ),
+        agreement=AGREEMENT,
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
-        sets=set_files(["csv"]),
+        sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
-        methods=method_files(["csv", "png"]),
-        field=[f for f in field_files() if not f.endswith("svg")],
-        outdoor=[f for f in outdoor_files() if not f.endswith("svg")],
+        pictures=figure_files(FIGURES, ["png"]),
+        numbers=figure_files(FIGURES, ["csv"]),
+        methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
+        methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
+        field_table=f"{RESULTS}/field/table.csv" if STUDY.field else [],
+        field_pictures=expand(
+            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field
+        ),
+        outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
+        outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
     output:
-        report=f"{RESULTS}/report.html",
+        report_html=f"{RESULTS}/report.html",
     log:
         f"{RESULTS}/logs/write_report.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
-        study=config["study"],
+        title=config["study"],
         simulated=bool(WORLD),
         tables=config.get("tables", {}),
         figures=FIGURES,
-        factories=STUDY.factories,
-        library=library("write_report"),
+        scanners=list(STUDY.factories),
+        factory_scanners=[
+            name for name, path in STUDY.factories.items() if path != "nominal"
+        ],
     script:
         "../../scripts/write_report.py"

@@ -14,18 +14,15 @@ if WORLD and SEEDS:
 
     rule replicate_study:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             agreement=f"{RESULTS}/seeds/{{seed}}.csv",
         log:
             f"{RESULTS}/logs/replicate_study/{{seed}}.log",
-        conda:
-            "../../environment.yml"
         params:
-            study=config,
+            config=config,
             rotations=SEEDS["rotations"],
             schemas=str(WORKFLOW / "schemas"),
-            library=library("replicate_study"),
         script:
             "../../scripts/replicate_study.py"
 
@@ -38,27 +35,24 @@ if WORLD and SEEDS:
             agreement=f"{RESULTS}/seeds/agreement.csv",
         log:
             f"{RESULTS}/logs/summarise_seeds.log",
-        conda:
-            "../../environment.yml"
+        localrule: True
         params:
-            library=library("summarise_seeds"),
+            seeds=list(range(1, SEEDS["count"] + 1)),
         script:
             "../../scripts/summarise_seeds.py"
 
     rule tune_world:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             constants=f"{RESULTS}/seeds/constants.csv",
         log:
             f"{RESULTS}/logs/tune_world.log",
-        conda:
-            "../../environment.yml"
         params:
-            study=config,
+            config=config,
             rotations=SEEDS["rotations"],
-            tuning={"seeds": 2, "iterations": 2},
+            seeds=2,
+            iterations=2,
             schemas=str(WORKFLOW / "schemas"),
-            library=library("tune_world"),
         script:
             "../../scripts/tune_world.py"

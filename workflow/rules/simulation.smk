@@ -9,43 +9,43 @@
 # A sample is simulated if its row names a recording below {results}/simulation; a row that names
 # another file uses that file. Nothing downstream can tell the difference.
 
+
+TRUTH_FILES = expand(
+    f"{RESULTS}/simulation/truth/{{scanner}}.csv",
+    scanner=STUDY.scanners if WORLD else [],
+)
+
 if WORLD:
 
     rule simulate_recording:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
         log:
             f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
-        conda:
-            "../../environment.yml"
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
             rotations=config["simulation"]["rotations"],
-            library=library("simulate_recording"),
         script:
             "../../scripts/simulate_recording.py"
 
     rule simulate_factory:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             factory=f"{RESULTS}/simulation/factory/{{scanner}}.xml",
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
         log:
             f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_factory"),
+        localrule: True
         script:
             "../../scripts/simulate_factory.py"
 
     rule simulate_survey:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             points=f"{RESULTS}/simulation/survey/points.csv",
             network=f"{RESULTS}/simulation/survey/network.csv",
@@ -54,9 +54,5 @@ if WORLD:
             base_readings=f"{RESULTS}/simulation/survey/base_readings.csv",
         log:
             f"{RESULTS}/logs/simulate_survey.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_survey"),
         script:
             "../../scripts/simulate_survey.py"

@@ -11,12 +11,17 @@
 #       residuals; planes with covariance, flatness and corners, in the scanner frame
 
 SURVEY = STUDY.survey_files(f"{RESULTS}/survey")
+SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
 
 if STUDY.observations:
 
     rule adjust_network:
         input:
-            **STUDY.observations,
+            points=STUDY.observations["points"],
+            network=STUDY.observations["network"],
+            images=STUDY.observations.get("images", []),
+            base_sights=STUDY.observations["base_sights"],
+            base_readings=STUDY.observations["base_readings"],
         output:
             control=f"{RESULTS}/survey/control.csv",
             planes=SURVEY["planes"],
@@ -27,10 +32,6 @@ if STUDY.observations:
             accuracy=f"{RESULTS}/survey/network.csv",
         log:
             f"{RESULTS}/logs/adjust_network.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("adjust_network"),
         script:
             "../../scripts/adjust_network.py"
 
@@ -42,11 +43,8 @@ if STUDY.observations:
             png=f"{RESULTS}/survey/network.png",
         log:
             f"{RESULTS}/logs/draw_network.log",
-        conda:
-            "../../environment.yml"
         params:
             simulated=bool(WORLD),
-            library=library("draw_network"),
         script:
             "../../scripts/draw_network.py"
 
@@ -61,11 +59,9 @@ rule adjust_survey:
         survey=f"{RESULTS}/survey/{{position}}.json",
     log:
         f"{RESULTS}/logs/adjust_survey/{{position}}.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
-        planes=config.get("assignment", {}).get("planes"),
-        library=library("adjust_survey"),
+        names=config.get("assignment", {}).get("planes"),
     script:
         "../../scripts/adjust_survey.py"

@@ -1,10 +1,16 @@
 """Statistics per laser and per window against literal formulas."""
 
 import numpy as np
+import pandas as pd
 import pytest
+import residuals_validation
 from scipy.stats import chi2
 
+from velocal.calibration.files import velocal_csv
 from velocal.evaluation.statistics import laser_statistics, statistics_table, summary_row
+from velocal.io import schemas, storage
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 
 S = np.array([0.01, -0.03, 0.02, 0.05, 0.07, 0.001, -0.002])
 LASER = np.array([0, 0, 0, 2, 2, 2, 2])
@@ -57,3 +63,39 @@ def test_nothing_assigned_is_not_a_number():
     row = summary_row(table)
     assert np.isnan(row["std_cm"])
     assert row["lasers"] == 0
+
+
+@pytest.mark.parametrize("name", ["before", "after", "factory", "adjusted"])
+def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
+    """The wall stands where the factory's parameters see it; the set is 10 cm off."""
+    known = SCANNERS["HDL-32E"]
+    factory = nominal(known)
+    laser = np.repeat(np.arange(known.n_lasers), 50)
+    azimuth = np.tile(np.arange(50), known.n_lasers)
+    distance = 4.0 / np.cos(factory.v[laser]) / np.cos(np.deg2rad(azimuth * 0.01))
+    columns = {
+        "rotation": np.zeros(len(laser)), "timestamp": np.zeros(len(laser)), "azimuth": azimuth,
+        "laser_id": laser, "distance": np.round(distance / known.distance_tick_m),
+        "intensity": np.zeros(len(laser)), "return": np.zeros(len(laser)),
+    }  # fmt: skip
+    returns, survey = tmp_path / "returns.parquet", tmp_path / "P1.json"
+    storage.write_table(returns, schemas.RETURNS, columns, rotation_rate_hz=10.0)
+    corners = [[x, 4.0, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))]
+    wall = {
+        "name": "wall", "normal": [0.0, 1.0, 0.0], "offset_m": -4.0,
+        "covariance": np.zeros((4, 4)), "corners_m": corners,
+    }  # fmt: skip
+    storage.write_json(survey, {"planes": [wall]})
+    of_set = tmp_path / f"{name}.csv"
+    velocal_csv.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
+    statistics = tmp_path / "statistics.csv"
+    residuals_validation.main(
+        returns, survey, None, [of_set], statistics,
+        sample="a", window="middle", scanner=known.name,
+        gates={"distance_cm": 50, "incidence_deg": 70, "edge_cm": 5},
+        config={"rotations": 1, "sigma_cm": 2.0},
+    )  # fmt: skip
+    rows = pd.read_csv(statistics)
+    assert len(rows) == 2 * known.n_lasers
+    rms = rows.groupby(rows.index // known.n_lasers)["rms_cm"].mean()
+    assert rms[0] < 0.5 < 9.0 < rms[1] < 11.0

@@ -65,6 +65,12 @@ def test_nothing_assigned_is_not_a_number():
     assert row["lasers"] == 0
 
 
+def test_std_of_a_window_is_that_of_its_lasers():
+    """One column name has one meaning: standard deviation about the mean of the laser."""
+    table = statistics_table({}, {"before": S}, LASER, 4, 0.02)
+    assert summary_row(table)["std_cm"] == pytest.approx(np.nanmean(table["std_cm"]))
+
+
 @pytest.mark.parametrize("name", ["before", "after", "factory", "adjusted"])
 def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
     """The wall stands where the factory's parameters see it; the set is 10 cm off."""

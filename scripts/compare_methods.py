@@ -11,8 +11,8 @@ from velocal.calibration.files import formats
 from velocal.errors import reported
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
-from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
+from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import observations, patches_of
 
@@ -24,22 +24,32 @@ def main(
     truth: Path | None,
     outputs: Mapping[str, Path],
     *,
+    windows: list[str],
+    positions: list[str],
     samples: Mapping[str, Mapping[str, str]],
     scanner: str,
     adjustment: Mapping[str, Any],
     sigma_cm: float,
     simulated: bool,
 ) -> None:
-    """Write the comparison; `samples` has the positions of those to calibrate on and others."""
-    patches = {path.stem: patches_of(storage.read_json(path)) for path in surveys}
+    """Write the comparison.
 
-    def windows(sample: str, position: str) -> methods.SampleData:
-        tables = (
-            storage.read_table(p, schemas.ASSIGNED) for p in assigned if p.parts[-2] == sample
-        )
-        return methods.SampleData(position, [observations(t, patches[position]) for t, _ in tables])
+    `windows` has the sample of every file of medians, `positions` that of every survey, and
+    `samples` the positions of the samples to calibrate on and of others.
+    """
+    patches = {
+        position: patches_of(storage.read_json(path))
+        for position, path in zip(positions, surveys, strict=True)
+    }
+    of_sample: dict[str, list[Path]] = {}
+    for sample, path in zip(windows, assigned, strict=True):
+        of_sample.setdefault(sample, []).append(path)
 
-    both = [[windows(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
+    def data(sample: str, position: str) -> methods.SampleData:
+        tables = [storage.read_table(path, schemas.ASSIGNED)[0] for path in of_sample[sample]]
+        return methods.SampleData(position, [observations(t, patches[position]) for t in tables])
+
+    both = [[data(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
     true = formats.read(truth, len(factory)) if truth else None
     stochastic = settings.stochastic(adjustment)
@@ -48,7 +58,7 @@ def main(
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(outputs["md"], text)
     figure = comparison.draw(numbers, scanner, simulated=simulated)
-    figures.save(figure, outputs["svg"], outputs["png"])
+    save(figure, outputs["svg"], outputs["png"])
 
 
 if "snakemake" in globals():

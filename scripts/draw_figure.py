@@ -7,8 +7,11 @@ from typing import Any
 import pandas as pd
 
 from velocal.errors import reported
+from velocal.evaluation.statistics import KEYS
 from velocal.io import schemas, storage
-from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures.histogram import draw_histogram, histogram, residuals_of
+from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
+from velocal.reporting.style import save
 
 
 def main(
@@ -29,14 +32,14 @@ def main(
     if selection["kind"] == "histogram":
         names = ["laser_id", "before_m", "after_m"]
         windows = [storage.read_table(path, schemas.RESIDUALS, names)[0] for path in data]
-        numbers = figures.histogram(*figures.residuals_of(windows, selection))
-        draw = figures.draw_histogram
+        numbers = histogram(*residuals_of(windows, selection))
+        draw = draw_histogram
     else:
-        lasers, windows = (pd.DataFrame(storage.read_csv(p)) for p in (data[0], summary))
-        numbers = figures.per_laser(lasers, windows, selection)
-        draw = figures.draw_per_laser
+        lasers, every = (pd.DataFrame(storage.read_csv(p, text=KEYS)) for p in (data[0], summary))
+        numbers = per_laser(lasers, every, selection)
+        draw = draw_per_laser
     figure = draw(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
-    figures.save(figure, svg, png)
+    save(figure, svg, png)
     storage.write_csv(csv, numbers)
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from velocal.errors import reported
 from velocal.io import storage
-from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.network import draw_network
+from velocal.reporting.style import save
 
 
 def main(quality: Path, svg: Path, png: Path, *, simulated: bool) -> None:

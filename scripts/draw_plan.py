@@ -10,8 +10,8 @@ from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates
-from velocal.reporting.figures import lasers as figures
-from velocal.reporting.figures import plan as plan_figure
+from velocal.reporting.figures.plan import View, draw_plan, plan
+from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import patches_of, pose_of
 from velocal.survey.targets import read_targets
@@ -40,10 +40,10 @@ def main(
         station = storage.read_json(survey)
         rate, at = facts["rotation_rate_hz"], station["position"]
         patches, pose = patches_of(station), pose_of(station)
-        view = plan_figure.View(at, sample, scanner, rate, columns, parameters, patches, pose)
-        panels.append(plan_figure.plan(view, surveyed, limits))
+        view = View(at, sample, scanner, rate, columns, parameters, patches, pose)
+        panels.append(plan(view, surveyed, limits))
     numbers = pd.concat(panels, ignore_index=True)
-    figures.save(plan_figure.draw_plan(numbers, selection, simulated=simulated), svg, png)
+    save(draw_plan(numbers, selection, simulated=simulated), svg, png)
     storage.write_csv(csv, numbers)
 
 

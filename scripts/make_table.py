@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from velocal.errors import reported
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.paper import tables
 
@@ -22,7 +23,7 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the table as CSV, Markdown and LaTeX."""
-    statistics = pd.DataFrame(storage.read_csv(summary))
+    statistics = pd.DataFrame(storage.read_csv(summary, text=KEYS))
     table = tables.build(number, selection, statistics, simulated=simulated)
     storage.write_csv(csv, tables.formatted(table.frame))
     storage.write_text(md, tables.to_markdown(table))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from velocal.calibration.files import formats
 from velocal.errors import reported
-from velocal.evaluation import interior_map as mapping
+from velocal.evaluation import interior_map
 from velocal.io import schemas, storage
 from velocal.recording.identify import check_scanner
 from velocal.recording.returns import returns_of
@@ -22,29 +22,31 @@ def main(
     points: Path,
     *,
     scanner: str,
+    positions: list[str],
+    parameter_set: str,
 ) -> None:
-    """Write the points with both calibrations as Parquet; recordings are named by position."""
+    """Write the points with both calibrations as Parquet; recordings are those of `positions`."""
     known = scanner_named(scanner)
     sets = [formats.read_or_nominal(calibration, known), formats.read(refined, known.n_lasers)]
     there = read_targets(base_map, "position")
     here = read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner))
     poses = [
-        mapping.scanner_pose(there.of(path.stem, where=str(base_map)), here, where=str(base_map))
-        for path in recordings
+        interior_map.scanner_pose(there.of(name, where=str(base_map)), here, where=str(base_map))
+        for name in positions
     ]
     facts = {
-        "positions": [path.stem for path in recordings],
+        "positions": positions,
         "scanners_m": [pose.translation for pose in poses],
-        "set": refined.stem,
+        "set": parameter_set,
     }
     with storage.table_writer(points, schemas.MAP, **facts) as writer:
         for number, (path, pose) in enumerate(zip(recordings, poses, strict=True)):
             inspection = inspect(path)
             check_scanner(inspection, known, str(path))
-            first = mapping.first_complete(inspection.index.complete, str(path))
+            first = interior_map.first_complete(inspection.index.complete, str(path))
             rate = inspection.index.rate_hz(first)
             for columns in returns_of(path, inspection.index, first, known):
-                writer.write(mapping.rows(number, columns, known, rate, sets, pose))
+                writer.write(interior_map.rows(number, columns, known, rate, sets, pose))
 
 
 if "snakemake" in globals():
@@ -57,4 +59,6 @@ if "snakemake" in globals():
             Path(snakemake.input.refined),
             Path(snakemake.output.points),
             scanner=snakemake.params.scanner,
+            positions=snakemake.params.positions,
+            parameter_set=snakemake.params.parameter_set,
         )

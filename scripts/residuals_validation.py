@@ -6,6 +6,7 @@ from typing import Any
 
 from velocal.calibration.files import formats
 from velocal.errors import reported
+from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates
@@ -24,10 +25,11 @@ def main(
     sample: str,
     window: str,
     scanner: str,
+    parameter_sets: list[str],
     gates: Mapping[str, float],
     config: Mapping[str, Any],
 ) -> None:
-    """Write the statistics per laser as CSV."""
+    """Write the statistics per laser as CSV; sets are the files of `parameter_sets` in order."""
     known = scanner_named(scanner)
     patches = patches_of(storage.read_json(survey))
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
@@ -36,11 +38,10 @@ def main(
     limits = Gates.from_config(gates)
     rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
     data = observations(rows, patches)
-    candidates = {"before": factory} | {p.stem: formats.read(p, known.n_lasers) for p in sets}
+    parameters = [formats.read(path, known.n_lasers) for path in sets]
+    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
-    s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
-    sigma_m = config["sigma_cm"] * 1e-2
-    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
+    table = statistics_table(heading, candidates, data, config["sigma_cm"] * 1e-2)
     storage.write_csv(statistics, table)
 
 
@@ -55,6 +56,7 @@ if "snakemake" in globals():
             sample=snakemake.wildcards.sample,
             window=snakemake.wildcards.window,
             scanner=snakemake.params.scanner,
+            parameter_sets=snakemake.params.parameter_sets,
             gates=snakemake.params.gates,
             config=snakemake.params.validation,
         )

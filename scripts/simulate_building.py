@@ -11,12 +11,11 @@ from velocal.survey.targets import write_targets
 ROTATIONS = 1  # complete ones; a scan is no more
 
 
-def main(world_file: Path, recordings: list[Path], base: Path) -> None:
-    """Write the records of every position, whose name the file has, and the base targets."""
+def main(world_file: Path, recordings: list[Path], base: Path, *, positions: list[str]) -> None:
+    """Write the records of every position, in that order, and the base targets."""
     simulated = world.load(read_yaml(world_file))
     scanner = building.described(simulated)["scanner"]
-    for recording in recordings:
-        position = recording.stem
+    for position, recording in zip(positions, recordings, strict=True):
         scene = building.scene(simulated, position)
         write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))
     write_targets(base, "position", building.base_targets(simulated))
@@ -28,4 +27,5 @@ if "snakemake" in globals():
             Path(snakemake.input.world),
             [Path(path) for path in snakemake.output.recordings],
             Path(snakemake.output.base),
+            positions=snakemake.params.positions,
         )

@@ -6,10 +6,13 @@ from pathlib import Path
 import pandas as pd
 
 from velocal.errors import reported
-from velocal.evaluation import panels as outdoor
+from velocal.evaluation.candidates import IDENTITY
 from velocal.io import storage
-from velocal.reporting.figures import panels as outdoor_figure
-from velocal.reporting.figures.lasers import save
+from velocal.paper.outdoor import HEADING, summarise
+from velocal.paper.outdoor import facts as single_numbers
+from velocal.reporting.figures.panels import draw, top_cm
+from velocal.reporting.figures.panels import numbers as numbers_of
+from velocal.reporting.style import save
 
 
 def main(
@@ -24,18 +27,17 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the tables as CSV, and every figure as SVG and PNG with its numbers as CSV."""
-    every = pd.concat([pd.read_csv(path) for path in panels], ignore_index=True)
-    rows = [{str(key): value for key, value in row.items()} for row in every.to_dict("records")]
-    each, of_kinds = outdoor.summarise(rows)
-    samples = pd.DataFrame(each)
+    text = (*HEADING, *IDENTITY, "panel")
+    tables = [pd.DataFrame(storage.read_csv(path, text=text)) for path in panels]
+    samples, of_kinds = summarise(pd.concat(tables, ignore_index=True))
     storage.write_csv(summary, samples)
-    storage.write_csv(means, pd.DataFrame(of_kinds))
-    storage.write_csv(facts, pd.DataFrame(outdoor.facts(of_kinds)))
+    storage.write_csv(means, of_kinds)
+    storage.write_csv(facts, pd.DataFrame(single_numbers(of_kinds)))
     paths = {path.name: path for path in figures}
     for number, (kind, scanner) in selections.items():
-        numbers = outdoor_figure.numbers(samples, kind, scanner)
-        figure = outdoor_figure.draw(
-            numbers, kind, scanner, top_cm=outdoor_figure.top_cm(samples, sigma_cm),
+        numbers = numbers_of(samples, kind, scanner)
+        figure = draw(
+            numbers, kind, scanner, top_cm=top_cm(samples, sigma_cm),
             sigma_cm=sigma_cm, simulated=simulated,
         )  # fmt: skip
         save(figure, paths[f"figure_{number}.svg"], paths[f"figure_{number}.png"])

@@ -5,13 +5,15 @@ from pathlib import Path
 import pandas as pd
 
 from velocal.errors import reported
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.paper.tables import summarised
 
 
 def main(parts: list[Path], lasers: Path, summary: Path) -> None:
     """Write one table of all lasers and one of all windows."""
-    every = pd.concat([pd.read_csv(part) for part in parts], ignore_index=True)
+    tables = [pd.DataFrame(storage.read_csv(part, text=KEYS)) for part in parts]
+    every = pd.concat(tables, ignore_index=True)
     storage.write_csv(lasers, every)
     storage.write_csv(summary, summarised(every))
 

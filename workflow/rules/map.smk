@@ -50,6 +50,7 @@ rule draw_plan:
 
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
+    PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
 
     ruleorder: draw_map > draw_figure
 
@@ -59,7 +60,7 @@ if MAPS:
         output:
             recordings=expand(
                 f"{RESULTS}/map/recordings/{{place}}.bin",
-                place=read_yaml(Path(WORLD)).get("building", {}).get("positions", {}),
+                place=PLACES,
             ),
             base=f"{RESULTS}/map/base_map.csv",
         log:
@@ -67,6 +68,7 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
+            positions=PLACES,
             library=library("simulate_building"),
         script:
             "../../scripts/simulate_building.py"
@@ -86,6 +88,8 @@ if MAPS:
             "../../environment.yml"
         params:
             scanner=MAP["scanner"],
+            positions=PLACES,
+            parameter_set=MAP["set"],
             library=library("map_building"),
         script:
             "../../scripts/map_building.py"

@@ -1,7 +1,7 @@
 # What people look at.
 #
 # in:   {results}/statistics/*.csv, {results}/residuals, ledgers
-# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}
+# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
 #       {results}/figures/figure_NN.{svg,png,csv}
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
@@ -74,7 +74,8 @@ rule write_report:
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         tables=table_files(["csv"]),
-        figures=figure_files(["png", "csv"]),
+        pictures=figure_files(["png"]),
+        numbers=figure_files(["csv"]),
         agreement=(
             f"{RESULTS}/published/agreement.csv"
             if config.get("compare_with_paper")
@@ -84,9 +85,15 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
-        methods=method_files(["csv", "png"]),
-        field=[f for f in field_files() if not f.endswith("svg")],
-        outdoor=[f for f in outdoor_files() if not f.endswith("svg")],
+        methods=method_files(["png", "csv"]),
+        field_table=f"{RESULTS}/field/table.csv" if STUDY.field else [],
+        field_pictures=expand(
+            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field
+        ),
+        outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
+        outdoor_pictures=expand(
+            f"{RESULTS}/figures/figure_{{number}}.png", number=OUTDOOR_FIGURES
+        ),
     output:
         report=f"{RESULTS}/report.html",
     log:
@@ -99,6 +106,14 @@ rule write_report:
         tables=config.get("tables", {}),
         figures=FIGURES,
         factories=STUDY.factories,
+        samples=[*STUDY.samples, *STUDY.outdoor],
+        parameter_sets=[
+            (scanner, name)
+            for scanner, sets in STUDY.parameter_sets.items()
+            for name in sets
+        ],
+        field_samples=list(STUDY.field),
+        outdoor_figures=list(OUTDOOR_FIGURES),
         library=library("write_report"),
     script:
         "../../scripts/write_report.py"

@@ -41,6 +41,7 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
+            seeds=list(range(1, SEEDS["count"] + 1)),
             library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"

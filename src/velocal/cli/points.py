@@ -146,7 +146,7 @@ def _draw(
     picture: Path,
 ) -> None:
     from velocal.points.picture import before_and_after
-    from velocal.reporting.figures.lasers import save  # matplotlib takes a second to load
+    from velocal.reporting.style import save  # matplotlib takes a second to load
 
     assert settings.before is not None
     some = chosen[:PICTURE_ROTATIONS]

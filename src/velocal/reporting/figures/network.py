@@ -11,7 +11,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from velocal.reporting.figures.lasers import AFTER, BEFORE, GREY, style
+from velocal.reporting.style import AFTER, BEFORE, GREY, style
 
 Array = NDArray[np.float64]
 

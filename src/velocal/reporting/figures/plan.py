@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from velocal.geometry.planes import Patch
 from velocal.geometry.rigid import RigidTransformation
 from velocal.reduction.assignment import NO_PLANE, Gates, assign
-from velocal.reporting.figures.lasers import COLOURS, DARK, GREY, finish, style
+from velocal.reporting.style import COLOURS, DARK, GREY, finish, style
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
@@ -169,7 +169,7 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
         finish(
             figure, axes[0],
             f"{selection['scanner']}: test field in plan, medians measured from each position",
-            simulated, ncols=4,
+            simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure
 

@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.average import average
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.lasers import Observations, adjust_all, joined, split
 from velocal.adjustment.robust import Robust
@@ -26,7 +25,6 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.adjustment.tabulate import Corrections
 from velocal.errors import VelocalError
 from velocal.evaluation.statistics import laser_statistics
 from velocal.scanner.parameters import LaserParameters
@@ -233,27 +231,49 @@ def run_method(
             data = replace(data, station=of_part[data.station_number])
             windows.append(_adjusted(method, data, factory, stochastic))
         samples = [windows]
-    tables = [[_corrections(method, x, seen) for x, seen, _ in windows] for windows in samples]
-    means = average(tables)
-    parameters, scale = split(
-        np.column_stack([means[name].mean for name in method.parameters]),
-        method.parameters,
-        factory,
-    )
-    failed = [~converged & seen for windows in samples for _, seen, converged in windows]
+    parameters, scale = split(_mean(samples), method.parameters, factory)
+    failed = [~each.converged & each.seen for windows in samples for each in windows]
     return Estimate(parameters, scale, int(np.any(failed, axis=0).sum()))
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Adjustment of one window, or of the same window of several positions.
+
+    Attributes
+    ----------
+    corrections : ndarray, shape (lasers, parameters)
+    seen, converged : ndarray of bool, shape (lasers,)
+        Which lasers have observations, and which have converged.
+    """
+
+    corrections: Array
+    seen: NDArray[np.bool_]
+    converged: NDArray[np.bool_]
+
+
+def _mean(samples: Sequence[Sequence[_Window]]) -> Array:
+    """Plain mean over the windows that saw a laser, then over the samples, as the paper forms it.
+
+    Shape (lasers, parameters); zero for a laser that nobody saw.
+    """
+    value = np.array([[each.corrections for each in windows] for windows in samples])
+    seen = np.array([[each.seen for each in windows] for windows in samples])[..., None]
+    count = seen.sum(axis=1)
+    of_sample = (seen * value).sum(axis=1) / np.maximum(count, 1)
+    present = count > 0
+    return np.asarray((present * of_sample).sum(axis=0) / np.maximum(present.sum(axis=0), 1))
 
 
 def _adjusted(
     method: Method, data: Observations, factory: LaserParameters, stochastic: Stochastic
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Corrections (lasers, u), which lasers have observations, which have converged."""
+) -> _Window:
     seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
     if method.planes_unknown:
         number = data.station_number * (int(data.plane_number.max()) + 1) + data.plane_number
         group = np.unique(number, return_inverse=True)[1]
         joint = adjust_joint(data, group, factory, method.parameters, stochastic)
-        return joint.corrections, seen, np.full(len(factory), joint.converged)
+        return _Window(joint.corrections, seen, np.full(len(factory), joint.converged))
     assert method.solver is not None
     results = adjust_all(
         data,
@@ -263,18 +283,11 @@ def _adjusted(
         stochastic,
         max_iterations=MAX_ITERATIONS,
     )
-    return (
+    return _Window(
         np.array([result.corrections for result in results]),
         seen,
         np.array([result.converged for result in results]),
     )
-
-
-def _corrections(method: Method, x: Array, seen: NDArray[np.bool_]) -> Corrections:
-    """As the averaging takes them; the plain mean needs no standard deviations."""
-    value = dict(zip(method.parameters, x.T, strict=True))
-    unknown = {name: np.zeros(len(x)) for name in method.parameters}
-    return Corrections(value, unknown, unknown, seen)
 
 
 def _of_walls(data: Observations) -> NDArray[np.bool_]:
@@ -384,7 +397,25 @@ def compare(
     sigma_m: float,
     truth: LaserParameters | None = None,
 ) -> list[dict[str, Any]]:
-    """Run and judge all methods; see `run_method` and `evaluate`."""
+    """Run and judge all methods; see `run_method` and `evaluate`.
+
+    Parameters
+    ----------
+    calibration, other : sequence of SampleData
+        Samples to calibrate on, and of another position.
+    factory : LaserParameters
+    stochastic : Stochastic
+        With a prior for dl, alpha and v.
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+    truth : LaserParameters, optional
+        Against which errors are taken.
+
+    Returns
+    -------
+    list of dict
+        Rows of `evaluate`, in the order of `METHODS`.
+    """
     return [
         evaluate(
             method,

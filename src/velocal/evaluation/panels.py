@@ -1,8 +1,8 @@
-"""Outdoor validation: how flat panels are at 10 to 35 m, before and after calibration.
+"""Panels outdoors, at 10 to 35 m: how flat every calibration sees them.
 
 Nobody surveys outdoors: the user says about where the panels stand, and a plane is fitted to the
-returns of each, with every calibration anew. A plane takes up what the errors of its lasers have
-in common, and a tilt: with the few lasers that meet a distant panel, a good part of them.
+returns of each, with every calibration anew. A plane absorbs what the errors of its lasers have in
+common, and a tilt. With the few lasers that meet a distant panel this is a good part of the errors.
 """
 
 from __future__ import annotations
@@ -59,7 +59,21 @@ class Panels:
         boxes: Mapping[str, Mapping[str, Sequence[float]]],
         fit: Mapping[str, float],
     ) -> Panels:
-        """Panels out of a row of the sheet and the configuration's `outdoor`."""
+        """Panels out of a row of the sheet and the configuration's `outdoor`.
+
+        Parameters
+        ----------
+        distance_m, azimuth_deg : float
+            Where the panels stand.
+        boxes : mapping of str to mapping
+            As in `Panels`.
+        fit : mapping of str to float
+            ``depth_m`` is used.
+
+        Returns
+        -------
+        Panels
+        """
         return cls(distance_m, float(np.deg2rad(azimuth_deg)), boxes, fit["depth_m"])
 
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:

@@ -24,7 +24,7 @@ from velocal.scanner.parameters import LaserParameters
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-#: Lasers that a plane must be seen by, as two or three lines do not fix one.
+#: Lasers that must see a plane: two or three lines do not determine one.
 MIN_LASERS = 4
 #: Trimming: limit in robust standard deviations, largest number of rounds.
 TRIM_AT, ROUNDS = 3.0, 10
@@ -70,7 +70,19 @@ class Cloud:
         laser_id: NDArray[np.integer],
         parameters: LaserParameters,
     ) -> Cloud:
-        """Compute the points of returns."""
+        """Compute the points of returns.
+
+        Parameters
+        ----------
+        distance_m, phi : ndarray, shape (n,)
+            Raw distance, metres; rotational angle, radians.
+        laser_id : ndarray of int, shape (n,)
+        parameters : LaserParameters
+
+        Returns
+        -------
+        Cloud
+        """
         direction, origin = laser_beams(phi, laser_id, parameters)
         length = distance_m + parameters.dl[laser_id]
         xyz = length[:, None] * direction + origin
@@ -86,7 +98,18 @@ class Cloud:
     ) -> Cloud:
         """Compute the points of medians, or of returns that are not empty.
 
-        Columns ``laser_id``, ``azimuth``, ``distance``.
+        Parameters
+        ----------
+        medians : mapping of str to ndarray, shape (n,)
+            Columns ``laser_id``, ``azimuth``, ``distance``, in raw ticks.
+        scanner : Scanner
+        rotation_rate_hz : float
+            For the angle at which late lasers of a firing fired.
+        parameters : LaserParameters
+
+        Returns
+        -------
+        Cloud
         """
         laser_id = medians["laser_id"]
         rate = 2.0 * np.pi * rotation_rate_hz
@@ -207,7 +230,7 @@ class FieldPlane:
         return float(np.arccos(min(1.0, abs(self.fit.plane.normal[2]))))
 
 
-#: Planes, and what else there is to say: why there is none.
+#: Planes, and messages that say why there is none.
 Found = tuple[list[FieldPlane], list[str]]
 
 
@@ -223,7 +246,19 @@ def patch_points(xyz: Array, box: Mapping[str, Sequence[float]]) -> Rows:
 def fit_patches(
     cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]], limits: PlaneLimits
 ) -> Found:
-    """Fit a plane to the points in each box; a box without a plane becomes a finding."""
+    """Fit a plane to the points in each box; a box without a plane becomes a finding.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    patches : mapping of str to mapping
+        Boxes by name, as in `patch_points`.
+    limits : PlaneLimits
+
+    Returns
+    -------
+    Found
+    """
     planes, findings = [], []
     for name, box in patches.items():
         try:
@@ -307,6 +342,10 @@ def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, 
         The points that it was fitted in.
     sigma_m : float
         Standard deviation of the datasheet, metres.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (lasers that see the plane,)
     """
     laser_id, n_lasers = cloud.laser_id[plane.rows], len(cloud.parameters)
     heading = {"plane": plane.name}
@@ -332,6 +371,10 @@ def plane_row(
         Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
     tick_m : float
         One raw tick.
+
+    Returns
+    -------
+    dict
     """
     summary = summary_row(lasers)
     often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]

@@ -111,7 +111,18 @@ def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
 
 
 def judged(item: str, paper: float, reproduced: float, tolerance: float) -> dict[str, Any]:
-    """Row of the agreement: numbers with three decimals, and the verdict that they give."""
+    """Row of the agreement: numbers with three decimals, and the verdict that they give.
+
+    Parameters
+    ----------
+    item : str
+    paper, reproduced, tolerance : float
+
+    Returns
+    -------
+    dict
+        Columns `COLUMNS`.
+    """
     reproduced = round(reproduced, 3)
     difference = round(reproduced - paper, 3) + 0.0  # no -0.0
     within = "true" if abs(difference) <= tolerance else "false"

@@ -61,6 +61,11 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
         Samples, parameter sets and settings.
     rotations : int
         Rotations of a window; the configuration's are not used.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `statistics_table`.
     """
     parts: list[pd.DataFrame] = []
     survey = adjust_field_book(field_book(world))
@@ -70,7 +75,18 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
 
 
 def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
-    """Cells of the tables and the statements that follow from them, beside the printed ones."""
+    """Cells of the tables and the statements that follow from them, beside the printed ones.
+
+    Parameters
+    ----------
+    world, study, rotations
+        As for `lasers`.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `paper.agreement`.
+    """
     summary = tables.summarised(lasers(world, study, rotations))
     every = pd.concat(
         [

@@ -290,7 +290,19 @@ def render(study: Study) -> str:
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
-    """Number with fixed decimals and a true minus sign; a dash where there is none."""
+    """Number with fixed decimals and a true minus sign; a dash where there is none.
+
+    Parameters
+    ----------
+    value : float or None
+    decimals : int
+    factor : float
+        To the unit that is shown.
+
+    Returns
+    -------
+    str
+    """
     if value is None or not np.isfinite(value):
         return "–"
     text = f"{value * factor:.{decimals}f}"

@@ -62,7 +62,13 @@ def style() -> Iterator[None]:
 
 
 def save(figure: Figure, svg: Path, png: Path) -> None:
-    """Write a figure as SVG and PNG without anything that changes from run to run."""
+    """Write a figure as SVG and PNG without anything that changes from run to run.
+
+    Parameters
+    ----------
+    figure : Figure
+    svg, png : Path
+    """
     with style():
         FigureCanvasAgg(figure)
         for path, metadata in (
@@ -100,7 +106,15 @@ def finish(figure: Figure, ax: Axes | None, title: str, *, simulated: bool, **le
 
 
 def reference(ax: Axes, value: float, label: str) -> None:
-    """Draw a dashed horizontal line that the values are compared with."""
+    """Draw a dashed horizontal line that the values are compared with.
+
+    Parameters
+    ----------
+    ax : Axes
+    value : float
+    label : str
+        For the legend.
+    """
     ax.axhline(value, color=GREY, linewidth=0.9, linestyle=DASHED, label=label)
 
 

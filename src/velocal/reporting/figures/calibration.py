@@ -34,6 +34,10 @@ def draw_differences(
         What is compared.
     note : str
         Under which conditions.
+
+    Returns
+    -------
+    Figure
     """
     with style():
         figure = Figure(figsize=(7.2, 3.4))

@@ -81,6 +81,10 @@ def draw_map(
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     name, box = next(iter(selection["sections"].items()))
     with style():

@@ -118,7 +118,20 @@ def _note(numbers: pd.DataFrame) -> str:
 
 
 def markdown(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> str:
-    """Comparison as Markdown."""
+    """Comparison as Markdown.
+
+    Parameters
+    ----------
+    numbers : DataFrame
+        Rows of `methods.evaluate`.
+    scanner : str
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    str
+    """
     headings, cells = rows(numbers)
     table = markdown_table(headings, cells, [place >= TEXTS for place in range(len(headings))])
     lines = [f"**Methods of adjustment, {scanner}.**", "", *table]
@@ -139,6 +152,10 @@ def draw(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> Figure:
         For the title.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     panels = [panel for panel in _PANELS if set(panel[2]) <= set(numbers)]
     with style():

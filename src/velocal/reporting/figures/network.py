@@ -42,6 +42,10 @@ def draw_network(content: Mapping[str, Any], *, simulated: bool) -> Figure:
         ``adjustments`` and ``points`` as `survey_network.as_dict` gives them.
     simulated : bool
         Said in the title.
+
+    Returns
+    -------
+    Figure
     """
     points = content["points"]
     with style():

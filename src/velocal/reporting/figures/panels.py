@@ -21,7 +21,18 @@ COLUMNS = ("sample", "distance_m", "lasers", "points", "before_cm", "after_cm", 
 
 
 def numbers(samples: pd.DataFrame, kind: str, scanner: str) -> pd.DataFrame:
-    """Numbers of a figure: samples of one kind and scanner by distance, columns `COLUMNS`."""
+    """Numbers of a figure: samples of one kind and scanner by distance, columns `COLUMNS`.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        As `outdoor.summarise` gives them.
+    kind, scanner : str
+
+    Returns
+    -------
+    DataFrame
+    """
     chosen = samples[(samples["kind"] == kind) & (samples["scanner"] == scanner)]
     ordered = before_and_after(chosen, ["sample"]).sort_values(
         ["distance_m", "sample"], kind="stable"

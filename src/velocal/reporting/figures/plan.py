@@ -147,6 +147,10 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     positions = list(dict.fromkeys(numbers["position"]))
     seen = numbers[["x_m", "y_m"]].to_numpy()

@@ -169,6 +169,10 @@ def field_markdown(table: pd.DataFrame) -> str:
     ----------
     table : DataFrame
         Columns `TABLE`.
+
+    Returns
+    -------
+    str
     """
     cells = [
         [

@@ -94,7 +94,7 @@ def test_the_pose_weights_each_frame_with_its_own_covariance():
     std[0, 0] = 0.1
     in_map = Targets(name, ("A",) * 4, there, std)
     in_scanner = Targets(name, ("HDL-64E",) * 4, here, np.full((4, 3), 1e-4))
-    pose = mapping.scanner_pose(in_map, in_scanner, where="A")
+    pose = interior_map.scanner_pose(in_map, in_scanner, where="A")
     # With its own weight, 2e-6 of the others', the error of 1 cm moves the pose by some nanometres;
     # with the weight of the others it would move the pose by 2 mm.
     np.testing.assert_allclose(pose.translation, place, atol=1e-6)

@@ -24,7 +24,7 @@ from velocal.scanner.beam import laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
-from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.simulation.scene import Scene, cast, site_scene
 from velocal.study.sheets import read_yaml
 
 PLANES = 3
@@ -47,7 +47,7 @@ def shots(simulated, scanner, scene: Scene, ticks):
 
 def adjusted(simulated, scanner, position, sample, config):
     """Corrections of one sample on the surveyed field."""
-    scene = field_scene(simulated, scanner, position)
+    scene = site_scene(simulated, scanner, position)
     phi, lasers, _, raw, surface = shots(simulated, scanner, scene, np.arange(0, AZIMUTH_TICKS, 27))
     hit = (surface >= 0) & (surface < PLANES)
     raw = raw + truth.drift(simulated, scanner, sample).mean(axis=0)[lasers]

@@ -10,7 +10,7 @@ from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of, uncertainty_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -25,13 +25,13 @@ def main(
 ) -> None:
     """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
-    station = storage.read_json(survey)
+    station = read_station(survey)
     results = adjust_all(
-        observations(columns, patches_of(station)),
+        station.observations(columns),
         read_or_nominal(calibration, scanner_named(scanner)),
         config["parameters"],
         settings.solver(config),
-        settings.stochastic(config, [uncertainty_of(station)]),
+        settings.stochastic(config, [station.uncertainty()]),
     )
     storage.write_csv(adjustment, tabulate.corrections(results))
     storage.write_csv(covariance, tabulate.covariances(results))

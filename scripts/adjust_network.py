@@ -4,9 +4,8 @@ from pathlib import Path
 
 from velocal.errors import reported
 from velocal.io import storage
-from velocal.survey.network.observations import FILES, read_field_book
-from velocal.survey.network.survey import accuracy, adjust_field_book, as_dict, covariances
-from velocal.survey.station import plane_covariances
+from velocal.survey.network.field_book import FILES, read_field_book
+from velocal.survey.network.survey import accuracy, adjust_field_book
 from velocal.survey.targets import write_targets
 
 
@@ -15,14 +14,12 @@ def main(observations: dict[str, Path], out: dict[str, Path]) -> None:
     survey = adjust_field_book(read_field_book(observations), where=str(observations["points"]))
     write_targets(out["control"], "frame", [survey.control_points])
     write_targets(out["planes"], "plane", [survey.planes])
-    write_targets(out["base_field"], "position", list(survey.base_field.values()))
+    write_targets(out["base_field"], "position", list(survey.base_site.values()))
     write_targets(
-        out["base_scanner"], "scanner", [found.targets for found in survey.readings.values()]
+        out["base_scanner"], "scanner", [found.targets for found in survey.base_scanner.values()]
     )
-    known = {"base_field": covariances(survey.base_field)}
-    known["planes"] = plane_covariances(survey.planes)
-    storage.write_json(out["covariance"], known)
-    storage.write_json(out["quality"], as_dict(survey))
+    storage.write_json(out["covariance"], survey.covariances().to_json())
+    storage.write_json(out["quality"], survey.to_json())
     storage.write_csv(out["accuracy"], accuracy(survey), digits=4)
 
 

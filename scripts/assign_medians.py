@@ -9,7 +9,7 @@ from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import assigned_scan
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -23,7 +23,7 @@ def main(
 ) -> None:
     """Write the medians that lie on a plane as Parquet."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    patches = read_station(survey).patches
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     rows = assigned_scan(

@@ -14,7 +14,7 @@ from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -25,7 +25,6 @@ def main(
     outputs: Mapping[str, Path],
     *,
     windows: list[str],
-    positions: list[str],
     samples: Mapping[str, Mapping[str, str]],
     scanner: str,
     adjustment: Mapping[str, Any],
@@ -34,20 +33,18 @@ def main(
 ) -> None:
     """Write the comparison.
 
-    `windows` has the sample of every file of medians, `positions` that of every survey, and
-    `samples` the positions of the samples to calibrate on and of others.
+    `windows` has the sample of every file of medians, and `samples` the positions of the samples
+    to calibrate on and of others.
     """
-    patches = {
-        position: patches_of(storage.read_json(path))
-        for position, path in zip(positions, surveys, strict=True)
-    }
+    stations = {station.position: station for station in map(read_station, surveys)}
     of_sample: dict[str, list[Path]] = {}
     for sample, path in zip(windows, assigned, strict=True):
         of_sample.setdefault(sample, []).append(path)
 
     def data(sample: str, position: str) -> methods.SampleData:
         tables = [storage.read_table(path, schemas.ASSIGNED)[0] for path in of_sample[sample]]
-        return methods.SampleData(position, [observations(t, patches[position]) for t in tables])
+        own = stations[position]
+        return methods.SampleData(position, [own.observations(rows) for rows in tables])
 
     both = [[data(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))

@@ -13,7 +13,7 @@ from velocal.reduction.assignment import Gates
 from velocal.reporting.figures.plan import View, draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import patches_of, pose_of
+from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
 
@@ -37,10 +37,8 @@ def main(
     panels = []
     for sample, path, survey in zip(selection["samples"], medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
-        station = storage.read_json(survey)
-        rate, at = facts["rotation_rate_hz"], station["position"]
-        patches, pose = patches_of(station), pose_of(station)
-        view = View(at, sample, scanner, rate, columns, parameters, patches, pose)
+        at, rate = read_station(survey), facts["rotation_rate_hz"]
+        view = View(at.position, sample, scanner, rate, columns, parameters, at.patches, at.pose)
         panels.append(plan(view, surveyed, limits))
     numbers = pd.concat(panels, ignore_index=True)
     save(draw_plan(numbers, selection, simulated=simulated), svg, png)

@@ -12,7 +12,7 @@ from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -31,13 +31,13 @@ def main(
 ) -> None:
     """Write the statistics per laser as CSV; sets are the files of `parameter_sets` in order."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    station = read_station(survey)
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, config["rotations"])
     limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
-    data = observations(rows, patches)
+    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, station.patches, limits)
+    data = station.observations(rows)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}

@@ -11,11 +11,12 @@ from velocal.survey.targets import write_targets
 ROTATIONS = 1  # complete ones; a scan is no more
 
 
-def main(world_file: Path, recordings: list[Path], base: Path, *, positions: list[str]) -> None:
-    """Write the records of every position, in that order, and the base targets."""
+def main(world_file: Path, recordings: list[Path], base: Path) -> None:
+    """Write the records of every position, in the order of the world file, and base targets."""
     simulated = world.load(read_yaml(world_file))
-    scanner = building.described(simulated)["scanner"]
-    for position, recording in zip(positions, recordings, strict=True):
+    described = building.described(simulated)
+    scanner = described["scanner"]
+    for position, recording in zip(described["positions"], recordings, strict=True):
         scene = building.scene(simulated, position)
         write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))
     write_targets(base, "position", building.base_targets(simulated))
@@ -27,5 +28,4 @@ if "snakemake" in globals():
             Path(snakemake.input.world),
             [Path(path) for path in snakemake.output.recordings],
             Path(snakemake.output.base),
-            positions=snakemake.params.positions,
         )

@@ -6,11 +6,11 @@ from velocal.errors import reported
 from velocal.simulation import world
 from velocal.simulation.survey import field_book
 from velocal.study.sheets import read_yaml
-from velocal.survey.network.observations import FILES, write_field_book
+from velocal.survey.network.field_book import FILES, write_field_book
 
 
 def main(world_file: Path, paths: dict[str, Path]) -> None:
-    """Write control points, sights, image rays, and readings of the scanners' bases."""
+    """Write the observation files of the survey."""
     simulated = world.load(read_yaml(world_file))
     camera = simulated.survey["camera"]
     write_field_book(field_book(simulated), paths, camera["principal_distance_mm"])

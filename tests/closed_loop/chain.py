@@ -20,7 +20,7 @@ from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture, survey, truth, world
 from velocal.survey.network.survey import adjust_field_book
-from velocal.survey.station import adjust_station, observations
+from velocal.survey.station import Station
 
 WORLD = Path(__file__).parents[2] / "config/world.yaml"
 GATES = Gates(0.25, 0.05, 1.396)
@@ -76,10 +76,10 @@ def run(
         min_count=3,
     )
     surveyed = adjust_field_book(survey.field_book(simulated))
-    station = adjust_station(
+    station = Station.adjust(
         surveyed.planes,
-        surveyed.readings[scanner].targets,
-        surveyed.base_field[position],
+        surveyed.base_scanner[scanner].targets,
+        surveyed.base_site[position],
         planes,
         where="loop",
     )
@@ -89,7 +89,7 @@ def run(
     rows = assigned_scan(
         asdict(medians), known, facts["rotation_rate_hz"], factory, station.patches, GATES
     )
-    data = observations(rows, station.patches)
+    data = station.observations(rows)
     return Loop(
         data,
         factory,

@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from compare_methods import main
+from station_helpers import write_station
 
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.lasers import Observations, joined
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.evaluation import methods
+from velocal.geometry.planes import Patch, Plane
 from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
@@ -248,14 +250,15 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
         storage.write_table(path, schemas.ASSIGNED, columns)
         assigned.append(path)
         first = np.unique(data.plane, return_index=True)[1]
-        planes = [
-            {
-                "name": NAMES[k], "normal": data.normal[row], "offset_m": data.offset[row],
-                "covariance": np.zeros((4, 4)), "corners_m": np.zeros((4, 3)),
-            }
+        patches = [
+            Patch(
+                NAMES[k],
+                Plane(data.normal[row], float(data.offset[row]), np.zeros((4, 4))),
+                np.zeros((4, 3)),
+            )
             for k, row in enumerate(first)
-        ]  # fmt: skip
-        storage.write_json(tmp_path / f"{name.upper()}.json", {"planes": planes})
+        ]
+        write_station(tmp_path / f"{name.upper()}.json", name.upper(), scanner.name, patches)
     adjustment = {"noise_cm": 1.0, "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
     seen = []
     for folder in ("one", "two"):
@@ -268,7 +271,6 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
             None,
             outputs,
             windows=["a", "b"],
-            positions=["A", "B"],
             samples={"calibration": {"a": "A"}, "other": {"b": "B"}},
             scanner=scanner.name,
             adjustment=adjustment,

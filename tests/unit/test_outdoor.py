@@ -204,3 +204,25 @@ def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
         save(figure, tmp_path / f"{name}.svg", tmp_path / f"{name}.png")
         written.append((tmp_path / f"{name}.svg").read_bytes())
     assert written[0] == written[1]
+
+
+@pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
+def test_fog_and_people_have_the_tick_of_the_scanner(scanner):
+    """A VLP-32C sends distances in ticks of 4 mm."""
+    world = with_kind(study_world(), **CLEAR)
+    world = replace(world, scanners={scanner: world.scanner("HDL-32E")})
+    air = outdoor_scene(world, scanner, "real1", 1.0).between
+    n, tick = 200, SCANNERS[scanner].distance_tick_m
+    wall = np.full((n, SCANNERS[scanner].n_lasers), 10.0 / tick, dtype=np.float32)
+    person = Person(np.array([0.0, 5.0]), np.zeros(2), 0.25, -3.0, 3.0)
+    crossed = replace(air, people=[person])(
+        np.random.default_rng(0), np.zeros(n), np.zeros(n), wall
+    )
+    level = int(np.argmin(np.abs(air.truth.parameters.v)))
+    parameters = air.truth.parameters
+    flat = person.range(np.zeros(1), -parameters.alpha[level : level + 1])[0]
+    expected = flat / np.cos(parameters.v[level]) - parameters.dl[level]
+    assert 4.7 < flat < 4.9
+    assert crossed[0, level] * tick == pytest.approx(expected, abs=0.03)
+    fog = replace(air, lost_per_m=0.1)(np.random.default_rng(0), np.zeros(n), np.zeros(n), wall)
+    assert np.isnan(fog).mean() == pytest.approx(1.0 - np.exp(-1.0), abs=0.03)

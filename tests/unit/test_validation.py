@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 import residuals_validation
 from scipy.stats import chi2
+from station_helpers import write_station
 
 from velocal.adjustment.lasers import Observations
 from velocal.calibration.files import velocal_csv
@@ -17,6 +18,7 @@ from velocal.evaluation.statistics import (
     statistics_table,
     summary_row,
 )
+from velocal.geometry.planes import Patch, Plane
 from velocal.io import schemas, storage
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
@@ -112,12 +114,9 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
     }  # fmt: skip
     returns, survey = tmp_path / "returns.parquet", tmp_path / "P1.json"
     storage.write_table(returns, schemas.RETURNS, columns, rotation_rate_hz=10.0)
-    corners = [[x, 4.0, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))]
-    wall = {
-        "name": "wall", "normal": [0.0, 1.0, 0.0], "offset_m": -4.0,
-        "covariance": np.zeros((4, 4)), "corners_m": corners,
-    }  # fmt: skip
-    storage.write_json(survey, {"planes": [wall]})
+    corners = np.array([[x, 4.0, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))])
+    plane = Plane(np.array([0.0, 1.0, 0.0]), -4.0, np.zeros((4, 4)))
+    write_station(survey, "P1", known.name, [Patch("wall", plane, corners)])
     of_set = tmp_path / f"{name}.csv"
     velocal_csv.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
     statistics = tmp_path / "statistics.csv"

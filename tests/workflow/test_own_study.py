@@ -43,8 +43,8 @@ def hand_over(folder):
     surveyed = adjust_field_book(survey.field_book(world))
     for name, group, targets in (
         ("planes", "plane", surveyed.planes),
-        ("base_scanner", "scanner", surveyed.readings[SCANNER].targets),
-        ("base_field", "position", surveyed.base_field[POSITION]),
+        ("base_scanner", "scanner", surveyed.base_scanner[SCANNER].targets),
+        ("base_field", "position", surveyed.base_site[POSITION]),
     ):
         write_targets(folder / f"survey/{name}.csv", group, [targets])
 

@@ -68,7 +68,6 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
-            positions=PLACES,
             library=library("simulate_building"),
         script:
             "../../scripts/simulate_building.py"

@@ -42,11 +42,6 @@ rule compare_methods:
             for name in [*METHODS.get("calibration", []), *METHODS.get("other", [])]
             for _ in STUDY.samples[name].windows
         ],
-        positions=[
-            position
-            for position, scanner in STUDY.positions.items()
-            if METHODS and scanner == METHODS["scanner"]
-        ],
         samples={
             kind: {
                 name: STUDY.samples[name].position for name in METHODS.get(kind, [])

@@ -38,14 +38,6 @@ from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
 from velocal.study.config import Sample, Study
 from velocal.survey.network.survey import Survey, adjust_field_book
-from velocal.survey.station import (
-    Station,
-    adjust_station,
-    as_dict,
-    observations,
-    plane_covariances,
-    uncertainty_of,
-)
 
 Columns = dict[str, NDArray[Any]]
 
@@ -149,13 +141,14 @@ def _of_scanner(
         position = str(sample.position)
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
-        station = _station(survey, scanner, position, config["assignment"]["planes"])
-        stochastic = settings.stochastic(settled, [uncertainty_of(as_dict(station))])
+        planes = config["assignment"]["planes"]
+        station = survey.station(scanner, position, planes, where="replica")
+        stochastic = settings.stochastic(settled, [station.uncertainty()])
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             medians = _medians(returns, config["reduction"], known)
             rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
-            data = observations(rows, station.patches)
+            data = station.observations(rows)
             results = adjust_all(
                 data, factory, settled["parameters"], settings.solver(settled), stochastic
             )
@@ -169,9 +162,8 @@ def _of_scanner(
             heading |= {"data": "calibration"}
             yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
             scan = first_rotations(returns, config["validation"]["rotations"])
-            scans[sample.name, window] = observations(
-                assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
-                station.patches,
+            scans[sample.name, window] = station.observations(
+                assigned_scan(scan, known, rate_hz, factory, station.patches, gates)
             )
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
@@ -204,18 +196,6 @@ def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> 
         min_count=1,
     )
     return asdict(reduced)
-
-
-def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
-    base = survey.readings[scanner].targets
-    return adjust_station(
-        survey.planes,
-        base,
-        survey.base_field[position],
-        planes,
-        covariances=plane_covariances(survey.planes),
-        where="replica",
-    )
 
 
 def _windows(

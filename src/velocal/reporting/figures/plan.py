@@ -55,7 +55,7 @@ class View:
     patches : sequence of Patch
         Surveyed planes in the scanner frame.
     pose : RigidTransformation
-        ``T_scanner_field`` of the survey.
+        ``T_scanner_site`` of the survey.
     """
 
     position: str

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.errors import reported
 from velocal.recording.returns import write_returns
 from velocal.recording.windows import read_index, window_rotations
@@ -17,14 +17,14 @@ def main(
     scanner: str,
     window: str,
     length: int | None,
-    choice: Choice,
+    source: SourceFilter,
     which: str,
 ) -> None:
     """Write the returns of the window's rotations as Parquet."""
     index = read_index(rotations)
     chosen = window_rotations(index, window, length, str(recording))
     known = scanner_named(scanner)
-    write_returns(recording, index, chosen, known, returns, returns=which, choice=choice)
+    write_returns(recording, index, chosen, known, returns, returns=which, source=source)
 
 
 if "snakemake" in globals():
@@ -36,6 +36,6 @@ if "snakemake" in globals():
             scanner=snakemake.params.scanner,
             window=snakemake.wildcards.window,
             length=snakemake.params.length,
-            choice=Choice(snakemake.params.port, snakemake.params.address),
+            source=SourceFilter(snakemake.params.port, snakemake.params.address),
             which=snakemake.params.which,
         )

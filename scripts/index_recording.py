@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.errors import reported
 from velocal.io import storage
 from velocal.recording.identify import check_scanner
@@ -11,9 +11,11 @@ from velocal.recording.windows import write_index
 from velocal.scanner.models import scanner_named
 
 
-def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str, choice: Choice) -> None:
+def main(
+    recording: Path, ledger: Path, rotations: Path, *, scanner: str, source: SourceFilter
+) -> None:
     """Write the ledger as JSON and the index as Parquet."""
-    inspection = inspect(recording, choice=choice)
+    inspection = inspect(recording, source=source)
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
@@ -27,5 +29,5 @@ if "snakemake" in globals():
             Path(snakemake.output.ledger),
             Path(snakemake.output.rotations),
             scanner=snakemake.params.scanner,
-            choice=Choice(snakemake.params.port, snakemake.params.address),
+            source=SourceFilter(snakemake.params.port, snakemake.params.address),
         )

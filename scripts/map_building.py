@@ -45,7 +45,8 @@ def main(
             check_scanner(inspection, known, str(path))
             first = interior_map.first_complete(inspection.index.complete, str(path))
             rate = inspection.index.rate_hz(first)
-            for columns in returns_of(path, inspection.index, first, known):
+            for returns in returns_of(path, inspection.index, first, known):
+                columns = returns.columns()
                 writer.write(interior_map.rows(number, columns, known, rate, sets, pose))
 
 

@@ -3,14 +3,14 @@
 from pathlib import Path
 
 from velocal.calibration.files import formats
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.errors import reported
 from velocal.recording.scan import inspect
 
 
-def main(recording: Path, calibration: Path, *, choice: Choice) -> None:
+def main(recording: Path, calibration: Path, *, source: SourceFilter) -> None:
     """Write the calibration; every value as the wire holds it."""
-    status = inspect(recording, choice=choice).status
+    status = inspect(recording, source=source).status
     formats.write(calibration, status.calibration(str(recording)))
 
 
@@ -19,5 +19,5 @@ if "snakemake" in globals():
         main(
             Path(snakemake.input.recording),
             Path(snakemake.output.calibration),
-            choice=Choice(snakemake.params.port, snakemake.params.address),
+            source=SourceFilter(snakemake.params.port, snakemake.params.address),
         )

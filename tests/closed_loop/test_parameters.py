@@ -12,7 +12,7 @@ hardly changes with the rotational angle, so that its rounding errors are alike 
 
 import numpy as np
 import pytest
-from closed_loop.chain import Loop, run, study_world
+from support.chain import Loop, run, study_world
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel

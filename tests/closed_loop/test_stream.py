@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_loop.chain import run, study_world
+from support.chain import run, study_world
 
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic

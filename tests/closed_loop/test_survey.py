@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid, closed_form
 from velocal.simulation import survey

@@ -8,7 +8,7 @@ the runs count as independent, which is cautious for everything else.
 import numpy as np
 import pytest
 import yaml
-from closed_loop.chain import WORLD, study_world
+from support.chain import WORLD, study_world
 
 from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior

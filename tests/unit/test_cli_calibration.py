@@ -50,8 +50,8 @@ def test_help(command):
     for part in {
         "": ["show", "lint", "convert", "diff", "db.xml"],
         "show": ["degrees and centimetres", "--json"],
-        "lint": ["missing or doubled", "Exit code 1"],
-        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "By suffix if left out"],
+        "lint": ["missing or doubled", "exit code is 1"],
+        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "Chosen by suffix if left out"],
         "diff": ["--ranges", "--figure", "--first", "what the choice of the program costs"],
     }[command]:
         assert part in text
@@ -70,7 +70,7 @@ def test_show(files):
 def test_lint(files):
     done = run("lint", files / "db.xml", files / "vlp.yaml")
     assert done.exit_code == 0
-    assert done.stdout.count("nothing odd") == 2
+    assert done.stdout.count("no problems found") == 2
     (files / "page.xml").write_text("<!DOCTYPE html><html>")
     done = run("lint", files / "db.xml", files / "page.xml")
     assert done.exit_code == 1

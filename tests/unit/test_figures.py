@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from draw_figure import main
-from results_helpers import statistics
+from support.results import statistics
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.io import schemas, storage

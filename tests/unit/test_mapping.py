@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from building_helpers import ROOM, WORLD, stated
+from support.building import ROOM, WORLD, stated
 
 from velocal.calibration.files import velocal_csv as table
 from velocal.errors import VelocalError

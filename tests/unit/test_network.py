@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from support.chain import study_world
 
 from velocal.errors import SurveyError
 from velocal.geometry.rigid import adjust_rigid, skew

@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from building_helpers import WORLD, stated
+from support.building import WORLD, stated
 
 from velocal.io import schemas, storage
 from velocal.reduction.assignment import Gates

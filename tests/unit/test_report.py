@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
-from results_helpers import TABLES, statistics
+from support.results import TABLES, statistics
 from write_report import main
 
 from velocal.calibration.files import velocal_csv as calibration_table

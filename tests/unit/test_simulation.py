@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.errors import ConfigError
 from velocal.packets.data import view

@@ -6,7 +6,7 @@ import io
 import pandas as pd
 import pytest
 from make_table import main
-from results_helpers import STD_CM, TABLES, statistics
+from support.results import STD_CM, TABLES, statistics
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.evaluation.candidates import Role

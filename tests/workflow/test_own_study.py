@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from capture_helpers import pcap_head, pcap_packet
-from closed_loop.chain import study_world
-from workflow.running import ROOT, snakemake
+from support.capture import pcap_head, pcap_packet
+from support.chain import study_world
+from support.running import ROOT, snakemake
 
 from velocal.calibration.files import formats
 from velocal.recording.scan import inspect

@@ -48,7 +48,9 @@ app = typer.Typer(
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .yaml .csv .json")]
 ScannerName = Annotated[
     str | None,
-    typer.Option("--scanner", help=f"{', '.join(SCANNERS)}. By number of lasers if left out."),
+    typer.Option(
+        "--scanner", help=f"{', '.join(SCANNERS)}. Chosen by the number of lasers if left out."
+    ),
 ]
 Rate = Annotated[
     float | None,
@@ -100,7 +102,7 @@ def lint(
 ) -> None:
     """Look for faults: lasers missing or doubled, units, signs, values that cannot be.
 
-    Exit code 1 if there are any.
+    The exit code is 1 if there are any.
     """
     known = scanner_named(scanner, where="--scanner") if scanner else None
     faults = 0
@@ -109,7 +111,7 @@ def lint(
         for finding in findings:
             print(f"{file}: {finding.code}: {finding.text}")
         if not findings:
-            print(f"{file}: nothing odd")
+            print(f"{file}: no problems found")
         faults += len(findings)
     if faults:
         raise typer.Exit(1)
@@ -123,14 +125,16 @@ def convert_file(
     ],
     source_dialect: Annotated[
         str | None,
-        typer.Option("--from", help="Dialect of SOURCE. What it says, or manual, if left out."),
+        typer.Option(
+            "--from", help="Dialect of SOURCE. If left out: what the file says, else manual."
+        ),
     ] = None,
     target_dialect: Annotated[
         str | None,
         typer.Option(
             "--to",
             help=f"Program that will read TARGET: {NAMES}. "
-            "By suffix if left out: .xml veloview, .yaml ros, .csv paper, .json as SOURCE.",
+            "Chosen by suffix if left out: .xml veloview, .yaml ros, .csv paper, .json as SOURCE.",
         ),
     ] = None,
     scanner: ScannerName = None,
@@ -185,7 +189,7 @@ def convert_file(
 def diff(
     first: Annotated[Path, typer.Argument(metavar="FIRST", help="Calibration.")],
     second: Annotated[Path, typer.Argument(metavar="SECOND", help="Calibration to compare.")],
-    ranges: Annotated[str, typer.Option(help="Ranges in metres, with commas.")] = ",".join(
+    ranges: Annotated[str, typer.Option(help="Ranges in metres, separated by commas.")] = ",".join(
         f"{r:g}" for r in RANGES_M
     ),
     first_dialect: Annotated[
@@ -201,10 +205,10 @@ def diff(
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Differences of every laser.")] = None,
 ) -> None:
-    """Tell how far the points of two calibrations are apart, at chosen ranges.
+    """Show the distances between the points of two calibrations, at chosen ranges.
 
-    The same file may be given twice, with different programs: that is what the choice of the
-    program costs. Without dialects, the numbers are taken for what the files say they are.
+    The same file may be given twice, with different programs: the distances are then what the
+    choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
     at = _ranges(ranges)
     a, b = _read(first, scanner), _read(second, scanner)

@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.capture.reading import ANY, Choice
-from velocal.packets.data import BLOCKS, Firings, decode, view
-from velocal.recording.scan import Inspection
+from velocal.capture.source import ANY_SOURCE, SourceFilter
+from velocal.packets.data import BLOCKS, view
+from velocal.packets.firings import Firings, decode
+from velocal.recording.inspection import Inspection
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
@@ -60,7 +61,7 @@ class Settings:
         Y forward and X right, as everywhere here, or X forward and Y left.
     returns : {"strongest", "last", "both"}
         Which return, where a shot has two.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners of the recording, as when it was inspected.
     """
 
@@ -71,7 +72,7 @@ class Settings:
     max_range_m: float = np.inf
     frame: str = "velocal"
     returns: str = "strongest"
-    choice: Choice = ANY
+    source: SourceFilter = ANY_SOURCE
 
 
 def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
@@ -272,8 +273,8 @@ def stream(
     scanner = settings.scanner
     lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
     clock = _Clock(inspection, scanner)
-    index, choice = inspection.index, settings.choice
-    for chunk, rotation_of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
         for begin in range(0, len(chunk.payloads), PACKETS):
             part = slice(begin, begin + PACKETS)
             payloads, of_block = chunk.payloads[part], rotation_of_block[part]
@@ -290,8 +291,8 @@ def raw_returns(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
     """Raw distance in metres, rotational angle and laser of the returns of a few rotations."""
     scanner, found = settings.scanner, []
-    index, choice = inspection.index, settings.choice
-    for chunk, of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, of_block in read_rotations(recording, index, rotations, source):
         firings = decode(chunk.payloads, scanner, settings.returns)
         used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
         azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))

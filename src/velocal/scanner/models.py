@@ -105,6 +105,22 @@ class Scanner:
         return len(self.flags) == 2
 
     @property
+    def sends_status(self) -> bool:
+        """Whether the last two bytes of a packet are a status type and its value.
+
+        Those of all scanners but the HDL-64E are the return mode and the product byte.
+        """
+        return self.factory_byte is None
+
+    @property
+    def coarse_encoder(self) -> bool:
+        """Whether the encoder is too coarse to tell the firing cycle by single azimuth steps.
+
+        That of an HDL-64E gives multiples of 0.09 degree.
+        """
+        return self.paired
+
+    @property
     def factory_bytes(self) -> tuple[int, ...]:
         """Every product byte that the scanner may send; empty where it sends none."""
         return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from compare_methods import main
-from station_helpers import write_station
+from support.station import write_station
 
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.lasers import Observations, joined

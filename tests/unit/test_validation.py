@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import residuals_validation
 from scipy.stats import chi2
-from station_helpers import write_station
+from support.station import write_station
 
 from velocal.adjustment.lasers import Observations
 from velocal.calibration.files import velocal_csv

@@ -20,7 +20,7 @@ from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.paper.outdoor import HEADING, before_and_after, summarise
-from velocal.scanner.beam import laser_beams
+from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
@@ -104,7 +104,8 @@ def sample(simulated, row, candidates, config):
     noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
     noise *= np.hypot(1.0, simulated.outdoor["kinds"][row["kind"]]["fog"]["noise"])
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
-    cloud = Cloud.of(raw, phi, lasers, candidates[0].parameters)
+    beams = Beams(raw, phi, lasers, scanner.distance_tick_m)
+    cloud = Cloud.from_beams(beams, candidates[0].parameters)
     panels = Panels.from_config(
         row["distance_m"], row["azimuth_deg"], config["panels"], config["fit"]
     )

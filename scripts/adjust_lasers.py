@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal.adjustment import settings, tabulate
+from velocal.adjustment import settings
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
@@ -26,15 +27,17 @@ def main(
     """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
     station = read_station(survey)
+    factory = read_or_nominal(calibration, scanner_named(scanner))
     results = adjust_all(
         station.observations(columns),
-        read_or_nominal(calibration, scanner_named(scanner)),
+        factory,
         config["parameters"],
         settings.solver(config),
         settings.stochastic(config, [station.uncertainty()]),
     )
-    storage.write_csv(adjustment, tabulate.corrections(results))
-    storage.write_csv(covariance, tabulate.covariances(results))
+    found = CalibrationSet.from_adjustments(results, factory)
+    storage.write_csv(adjustment, found.to_columns())
+    storage.write_csv(covariance, found.covariance_columns())
 
 
 if "snakemake" in globals():

@@ -6,8 +6,8 @@ from pathlib import Path
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Gates
-from velocal.reduction.scans import assigned_scan
+from velocal.reduction.assignment import Limits, assigned_rows
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import read_station
 
@@ -26,14 +26,8 @@ def main(
     patches = read_station(survey).patches
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
-    rows = assigned_scan(
-        columns,
-        known,
-        facts["rotation_rate_hz"],
-        parameters,
-        patches,
-        Gates.from_config(gates),
-    )
+    beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, parameters, patches, Limits.from_config(gates))
     storage.write_table(
         assigned,
         schemas.ASSIGNED,

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from velocal import __version__
-from velocal.adjustment.average import average, average_covariance, scatter_table
-from velocal.adjustment.functional import ADJUSTABLE_UNITS
-from velocal.adjustment.tabulate import read_corrections
-from velocal.calibration.convert import exported
+from velocal.adjustment.average import Member, average, scatter_columns
+from velocal.adjustment.result import CalibrationSet
+from velocal.calibration.convert import for_program
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.errors import reported
 from velocal.io import storage
 from velocal.scanner.models import scanner_named
@@ -22,31 +21,35 @@ def main(
     scatter: Path,
     *,
     scanner: str,
-    weights: str,
+    samples: list[str],
     positions: list[str],
+    weights: str,
     export: dict[str, str],
 ) -> None:
-    """Write the set by suffix; adjustments come sample by sample, `positions` of the samples."""
-    pairs = zip(adjustments, covariances, strict=True)
-    parts = [read_corrections(*(storage.read_csv(path) for path in pair)) for pair in pairs]
-    windows = len(parts) // len(positions)
-    samples = [parts[first : first + windows] for first in range(0, len(parts), windows)]
-    means = {kind: average(samples, kind, positions) for kind in ("equal", "covariance")}
-    chosen, known = means[weights], scanner_named(scanner)
+    """Write the set by suffix; `samples` and `positions` are those of every adjustment."""
+    known = scanner_named(scanner)
     factory, tick_m = formats.read_or_nominal(calibration, known), known.distance_tick_m
-    parameters = factory.corrected({name: each.mean for name, each in chosen.items()})
+    tables = [
+        CalibrationSet.from_columns(storage.read_csv(one), factory, storage.read_csv(other))
+        for one, other in zip(adjustments, covariances, strict=True)
+    ]
+    members = [Member(*each) for each in zip(samples, positions, tables, strict=True)]
+    mean = average(members, weights)
+    parameters = mean.adjusted
     sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
     sources |= {"calibration": calibration.name if calibration else "nominal", "weights": weights}
-    found = Calibration(
+    found = CalibrationFile(
         parameters, "paper", scanner, tick_m,
-        std={name: each.std for name, each in chosen.items()},
-        covariance=average_covariance(samples, weights, positions),
+        std=mean.std_by_name(),
+        covariance=mean.covariance_by_pair(),
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
-    others = {k: Calibration(exported(parameters, d), d, tick_m=tick_m) for k, d in export.items()}
+    others = {
+        k: CalibrationFile(for_program(parameters, d), d, tick_m=tick_m) for k, d in export.items()
+    }
     for suffix, path in files.items():
         formats.write(path, others.get(suffix, found))
-    storage.write_csv(scatter, scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS))
+    storage.write_csv(scatter, scatter_columns(members))
 
 
 if "snakemake" in globals():

@@ -52,7 +52,7 @@ def main(
         draws = list(full_draws(at, config, names, runs, seed))
         for kind, model, method, solver, n in (
             ("unit", of_unit(config, at.errors), "prior", WithPrior(), runs),
-            ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 4),
+            ("unit", of_unit(config, at.errors), "paper", PaperModel(truncate_at=1.0), runs // 4),
             ("configured", config, "prior", WithPrior(), runs // 4),
         ):
             case = {"case": f"full: sizes {kind}", "scanner": scanner, "method": method}

@@ -9,7 +9,7 @@ import pandas as pd
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Gates
+from velocal.reduction.assignment import Limits
 from velocal.reporting.figures.plan import View, draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
@@ -33,7 +33,7 @@ def main(
     """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample."""
     scanner = scanner_named(selection["scanner"])
     parameters = read_or_nominal(calibration, scanner)
-    surveyed, limits = read_targets(targets, "plane"), Gates.from_config(gates)
+    surveyed, limits = read_targets(targets, "plane"), Limits.from_config(gates)
     panels = []
     for sample, path, survey in zip(selection["samples"], medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)

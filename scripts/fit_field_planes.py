@@ -13,6 +13,7 @@ from velocal.evaluation.planes_in_data import Cloud, Search, tabulate
 from velocal.io import schemas, storage
 from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.reporting.style import save
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 
 
@@ -31,7 +32,8 @@ def main(
     known = scanner_named(scanner)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
-    cloud = Cloud.of_medians(columns, known, facts["rotation_rate_hz"], parameters)
+    beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+    cloud = Cloud.from_beams(beams, parameters)
     planes, findings = planes_of(cloud, patches, Search.from_config(search))
     heading = {"sample": sample, "scanner": scanner}
     rows, lasers = tabulate(planes, cloud, columns, heading, sigma_cm * 1e-2)

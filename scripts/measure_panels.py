@@ -13,6 +13,7 @@ from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.io import storage
 from velocal.recording.returns import read_short
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 
 
@@ -35,7 +36,7 @@ def main(
     known = scanner_named(sample["scanner"])
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
-    cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
+    cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     place = Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.adjustment.tabulate import read_corrections
+from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.errors import reported
 from velocal.evaluation.candidates import Candidate, Role
@@ -31,7 +31,7 @@ def main(
     columns, facts = storage.read_table(assigned, schemas.ASSIGNED)
     data = read_station(survey).observations(columns)
     factory = read_or_nominal(calibration, known)
-    adjusted = factory.corrected(read_corrections(storage.read_csv(adjustment)).value)
+    adjusted = CalibrationSet.from_columns(storage.read_csv(adjustment), factory).adjusted
     xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}
     rows |= dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True))

@@ -9,8 +9,8 @@ from velocal.errors import reported
 from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Gates
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import read_station
 
@@ -35,8 +35,8 @@ def main(
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, config["rotations"])
-    limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, station.patches, limits)
+    beams = Beams.from_ticks(scan, known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, factory, station.patches, Limits.from_config(gates))
     data = station.observations(rows)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))

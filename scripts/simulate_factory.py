@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from velocal.calibration.files import formats
-from velocal.calibration.files import velocal_csv as table
 from velocal.errors import reported
 from velocal.simulation import truth, world
 from velocal.study.sheets import read_yaml
@@ -13,7 +12,7 @@ def main(world_file: Path, factory: Path, true: Path, *, scanner: str) -> None:
     """Write db.xml of the factory, and the true parameters as CSV."""
     simulated = world.load(read_yaml(world_file))
     formats.write(factory, truth.factory_parameters(simulated, scanner))
-    table.write(true, truth.unit_truth(simulated, scanner).parameters)
+    formats.write(true, truth.unit_truth(simulated, scanner).parameters)
 
 
 if "snakemake" in globals():

@@ -22,7 +22,7 @@ from velocal.scanner.parameters import LaserParameters
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
-STOCHASTIC = Stochastic(0.01, PRIOR)
+STOCHASTIC = Stochastic(noise_std_m=0.01, prior_std=PRIOR)
 FACTORY = LaserParameters(
     dl=np.full(N, 0.1),
     alpha=np.linspace(-0.06, 0.06, N),

@@ -21,10 +21,16 @@ def test_flatness_leaves_out_what_blocks_have_in_common(block_deg):
     angle_deg = 0.1 * (np.arange(n) + 0.5)
     block = np.floor(angle_deg).astype(int)
     survey = SurveyUncertainty(
-        np.zeros(3), np.zeros((6, 6)), np.zeros((1, 4, 4)), np.array([flatness_m])
+        translation=np.zeros(3),
+        pose=np.zeros((6, 6)),
+        planes=np.zeros((1, 4, 4)),
+        flatness_m=np.array([flatness_m]),
     )
     stochastic = Stochastic(
-        0.01, {}, block_rad=None if block_deg is None else np.deg2rad(block_deg), survey=(survey,)
+        noise_std_m=0.01,
+        prior_std={},
+        block_rad=None if block_deg is None else np.deg2rad(block_deg),
+        survey=(survey,),
     )
     point = np.column_stack([place, np.full(n, 3.0), np.zeros(n)])
     towards = np.full(n, 0.8)

@@ -15,6 +15,7 @@ from velocal.paper import outdoor
 from velocal.recording.returns import read_short
 from velocal.reporting.figures import panels as panels_figure
 from velocal.reporting.style import save
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
@@ -35,7 +36,8 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
     path.write_bytes(b"".join(capture.records(world, scanner, around, "x", ROTATIONS)))
     found, _, returns = read_short(path, SCANNERS[scanner])
     factory = truth.factory_parameters(world, scanner)
-    return Cloud.of_medians(returns, SCANNERS[scanner], found.index.rate_hz(), factory)
+    beams = Beams.from_ticks(returns, SCANNERS[scanner], found.index.rate_hz())
+    return Cloud.from_beams(beams, factory)
 
 
 def fitted(cloud, distance_m=10.0, **fit):

@@ -10,7 +10,7 @@ import pytest
 from support.building import WORLD, stated
 
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Gates
+from velocal.reduction.assignment import Limits
 from velocal.reporting import captions
 from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import SCANNERS
@@ -66,7 +66,7 @@ def numbers(views):
             station.position, path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
             columns, parameters, station.patches, station.pose,
         )  # fmt: skip
-        frames.append(plan_figure.plan(view, surveyed, Gates.from_config(GATES)))
+        frames.append(plan_figure.plan(view, surveyed, Limits.from_config(GATES)))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -116,11 +116,11 @@ def test_nothing_measured_still_makes_a_plan(views):
         {name: values[:0] for name, values in columns.items()},
         unit_truth(PERFECT, "HDL-32E").parameters, station.patches, station.pose,
     )  # fmt: skip
-    found = plan_figure.plan(view, plan_targets(targets), Gates.from_config(GATES))
+    found = plan_figure.plan(view, plan_targets(targets), Limits.from_config(GATES))
     assert not len(found[found["kind"] == "median"])
     plan_figure.draw_plan(found, SELECTION, simulated=False)
     turned = replace(view, pose=view.pose.inverse().inverse())
-    again = plan_figure.plan(turned, plan_targets(targets), Gates.from_config(GATES))
+    again = plan_figure.plan(turned, plan_targets(targets), Limits.from_config(GATES))
     pd.testing.assert_frame_equal(found, again)
 
 

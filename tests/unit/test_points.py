@@ -166,9 +166,9 @@ def test_raw_returns_are_those_of_the_points(tmp_path):
     scanner = SCANNERS["HDL-64E"]
     settings = Settings(scanner, calibration(scanner), min_range_m=3.0)
     found = inspect(path)
-    distance, phi, laser = raw_returns(path, found, np.array([1]), settings)
+    beams = raw_returns(path, found, np.array([1]), settings)
     columns = everything(path, settings, [1])
-    xyz = beam_model.points(distance, phi, laser, settings.parameters)
+    xyz = beams.points(settings.parameters)
     np.testing.assert_allclose(stacked(columns), xyz, atol=1e-4)
 
 

@@ -148,6 +148,7 @@ def test_the_calibration_of_the_stream(config, schemas, tmp_path):
     [
         (STREAMED.format("nominal"), "name different calibration files"),
         (STREAMED.format("stream").replace("64E", "32E"), "HDL-32E sends no calibration.*'stream'"),
+        (STREAMED.format("stream").replace("64E", "64E-S1"), "HDL-64E-S1 sends no calibration"),
     ],
 )
 def test_faults_of_the_calibration_of_the_stream(config, schemas, tmp_path, rows, message):

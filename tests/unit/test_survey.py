@@ -175,7 +175,9 @@ def test_uncertainty_of_a_pose_reaches_a_laser_by_rotation_and_translation():
     )
     names = ("dl", "alpha")
     stochastic = Stochastic(
-        0.01, {"dl": 0.05, "alpha": np.deg2rad(0.5)}, survey=(station.uncertainty(),)
+        noise_std_m=0.01,
+        prior_std={"dl": 0.05, "alpha": np.deg2rad(0.5)},
+        survey=(station.uncertainty(),),
     )
 
     def adjusted(pose):

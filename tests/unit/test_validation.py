@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from support.station import write_station
 
 from velocal.adjustment.lasers import Observations
-from velocal.calibration.files import velocal_csv
+from velocal.calibration.files import formats
 from velocal.errors import VelocalError
 from velocal.evaluation.candidates import Candidate, Role, with_sets
 from velocal.evaluation.statistics import (
@@ -118,7 +118,7 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
     plane = Plane(np.array([0.0, 1.0, 0.0]), -4.0, np.zeros((4, 4)))
     write_station(survey, "P1", known.name, [Patch("wall", plane, corners)])
     of_set = tmp_path / f"{name}.csv"
-    velocal_csv.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
+    formats.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
     statistics = tmp_path / "statistics.csv"
     residuals_validation.main(
         returns, survey, None, [of_set], statistics,

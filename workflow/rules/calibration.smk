@@ -3,7 +3,7 @@
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
-#                                                          rank and what is held, per laser
+#                                                          rank and quality, per laser
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
 #                                                          yaml and db.xml for drivers (`export`)
@@ -54,11 +54,11 @@ rule average_set:
     input:
         adjustments=lambda wildcards: per_window(
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
-            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+            samples_of_set(wildcards),
         ),
         covariances=lambda wildcards: per_window(
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
-            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+            samples_of_set(wildcards),
         ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
@@ -73,12 +73,8 @@ rule average_set:
         "../../environment.yml"
     params:
         weights=config.get("adjustment", {}).get("average", "equal"),
-        positions=lambda wildcards: [
-            STUDY.samples[name].position
-            for name in STUDY.parameter_sets[wildcards.scanner][
-                wildcards.parameter_set
-            ]
-        ],
+        samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
+        positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
         export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
         library=library("average_set"),
     script:

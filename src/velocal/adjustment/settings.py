@@ -11,7 +11,6 @@ from velocal.adjustment.robust import Robust
 from velocal.adjustment.solvers import (
     GaussHelmert,
     OrdinaryLeastSquares,
-    PaperLiteral,
     PaperModel,
     Solver,
     WithPrior,
@@ -22,9 +21,8 @@ from velocal.errors import ConfigError
 #: Methods by name; each takes the key `truncate_at`, of which some make no use.
 METHODS: dict[str, Callable[[float | None], Solver]] = {
     "prior": lambda _: WithPrior(),
-    "paper": PaperModel,
-    "paper_literal": lambda _: PaperLiteral(),
-    "gauss_helmert": GaussHelmert,
+    "paper": lambda truncate_at: PaperModel(truncate_at=truncate_at),
+    "gauss_helmert": lambda truncate_at: GaussHelmert(truncate_at=truncate_at),
     "least_squares": lambda _: OrdinaryLeastSquares(),
 }
 _FACTOR = {"cm": 1e-2, "deg": np.pi / 180.0}
@@ -44,7 +42,7 @@ def solver(config: Mapping[str, Any]) -> Solver:
         raise ConfigError(
             f"adjustment.method: {config['method']!r}", allowed=", ".join(METHODS)
         ) from None
-    return Robust(base, config["robust"]) if config.get("robust") else base
+    return Robust(base=base, kind=config["robust"]) if config.get("robust") else base
 
 
 def stochastic(config: Mapping[str, Any], survey: Sequence[SurveyUncertainty] = ()) -> Stochastic:

@@ -14,17 +14,22 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences
-from velocal.calibration.convert import apart as points_apart
+from velocal.calibration.convert import (
+    RANGES_M,
+    RATE_HZ,
+    convert,
+    differences,
+    max_point_distance,
+)
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import escape
 from velocal.errors import ConfigError
 from velocal.io.storage import finite, write_csv
-from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
 
 NAMES = ", ".join(DIALECTS)
@@ -69,11 +74,11 @@ def show(
     """Print what a calibration holds, in degrees and centimetres."""
     found = _read(file, scanner)
     dialect = formats.dialect_of(found, file)
-    columns = _shown(found)
+    columns, known = _shown(found), _scanner(found, scanner)
     facts: dict[str, Any] = {
         "file": file.name,
         "lasers": len(found.parameters),
-        "scanner": _scanner(found, scanner) or "unknown",
+        "scanner": known.name if known else "unknown",
         "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
         "distance tick": f"{1000 * found.tick_m:g} mm",
         "provenance": dict(found.provenance),
@@ -161,9 +166,9 @@ def convert_file(
             allowed="paper",
             hint="Write .json, which says what it holds.",
         )
-    name = _scanner(found, scanner)
+    known = _scanner(found, scanner)
     parameters = convert(
-        found.parameters, before, after, scanner=name, rate_hz=rate_hz, inexact=inexact
+        found.parameters, before, after, scanner=known, rate_hz=rate_hz, inexact=inexact
     )
     provenance = {
         "velocal": __version__,
@@ -173,14 +178,18 @@ def convert_file(
         **({"before": dict(found.provenance)} if found.provenance else {}),
     }
     result = replace(
-        found, parameters=parameters, dialect=after.name, scanner=name, provenance=provenance
+        found,
+        parameters=parameters,
+        dialect=after.name,
+        scanner=known.name if known else None,
+        provenance=provenance,
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
     print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
-        print(differences(found.parameters, before, parameters, after, name, rate))
+        print(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
         print("Standard deviations belong to the other dialect and were left out")
 
@@ -214,9 +223,9 @@ def diff(
     a, b = _read(first, scanner), _read(second, scanner)
     one = _dialect(a, first, first_dialect, "--first")
     other = _dialect(b, second, second_dialect, "--second")
-    name = _scanner(a, scanner)
-    apart = points_apart(
-        (one, a.parameters), (other, b.parameters), at, scanner=name, rate_hz=rate_hz or RATE_HZ
+    known = _scanner(a, scanner)
+    apart = max_point_distance(
+        (one, a.parameters), (other, b.parameters), at, scanner=known, rate_hz=rate_hz or RATE_HZ
     )
     labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
     table = Table("range", "median", "95 %", "largest", "of laser", title=" against ".join(labels))
@@ -229,7 +238,7 @@ def diff(
     console = Console(highlight=False)
     console.print(table)
     note = "per laser the largest over all azimuths" + (
-        f"; azimuths within a firing of the {name} at {rate_hz:g} Hz" if name else ""
+        f"; azimuths within a firing of the {known.name} at {rate_hz:g} Hz" if known else ""
     )
     console.print(f"{note[0].upper()}{note[1:]}.")
     if picture or csv:
@@ -243,18 +252,18 @@ def diff(
             save(figure, picture.with_suffix(".svg"), picture.with_suffix(".png"))
 
 
-def _read(file: Path, scanner: str | None) -> Calibration:
+def _read(file: Path, scanner: str | None) -> CalibrationFile:
     n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
     return formats.read_calibration(file, n_lasers)
 
 
-def _dialect(found: Calibration, file: Path, named: str | None, where: str) -> Dialect:
+def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
     return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
 
 
-def _scanner(found: Calibration, named: str | None) -> str | None:
+def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
     name = named or found.scanner or BY_LASERS.get(len(found.parameters))
-    return name if name in SCANNERS else None
+    return SCANNERS.get(name) if name else None
 
 
 def _ranges(text: str) -> tuple[float, ...]:
@@ -269,7 +278,7 @@ def _ranges(text: str) -> tuple[float, ...]:
     return found
 
 
-def _shown(found: Calibration) -> dict[str, Any]:
+def _shown(found: CalibrationFile) -> dict[str, Any]:
     """Columns in the units of users, deviations beside their parameter."""
     units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / np.pi)}
     columns: dict[str, Any] = {}

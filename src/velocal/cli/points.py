@@ -160,7 +160,7 @@ def _draw(
     assert settings.before is not None
     some = chosen[:PICTURE_ROTATIONS]
     figure = before_and_after(
-        *raw_returns(file, inspection, some, settings),
+        raw_returns(file, inspection, some, settings),
         (settings.before, settings.parameters),
         [Path(name).name for name in names],
         f"{file.name}, {settings.scanner.name}, {len(some)} rotations",

@@ -14,8 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.joint import adjust_joint
-from velocal.adjustment.lasers import Observations, adjust_all, joined, split
+from velocal.adjustment.lasers import Observations, adjust_all, joined
+from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.robust import Robust
 from velocal.adjustment.solvers import (
     GaussHelmert,
@@ -33,7 +35,7 @@ Array = NDArray[np.float64]
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5
-#: Standard deviation of a range scale, which only decides what is held where none is configured.
+#: Standard deviation of a range scale where none is configured. It only decides on the rank.
 SCALE_STD = 1e-3
 #: Linearisations after which an adjustment has not converged.
 MAX_ITERATIONS = 30
@@ -109,12 +111,12 @@ METHODS = (
     Method(
         PRINTED, "the paper as printed", _PAPER,
         "pseudo-inverse at machine precision, walls only",
-        solver=PaperModel(None), planes="walls",
+        solver=PaperModel(truncate_at=None), planes="walls",
     ),
     Method(
         "paper_truncated", "the paper, truncated", _PAPER + ", velocal",
         "directions are held that the prior knows better, walls only",
-        solver=PaperModel(1.0), planes="walls",
+        solver=PaperModel(truncate_at=1.0), planes="walls",
     ),
     Method(
         "prior_walls", "with prior, walls only", _OURS,
@@ -126,7 +128,7 @@ METHODS = (
     ),
     Method(
         "huber", "with prior, robust", _OURS,
-        "the same with Huber's weights", solver=Robust(WithPrior(), "huber"),
+        "the same with Huber's weights", solver=Robust(base=WithPrior(), kind="huber"),
     ),
     Method(
         "prior_joint", "with prior, positions jointly", _OURS,
@@ -231,49 +233,28 @@ def run_method(
             data = replace(data, station=of_part[data.station_number])
             windows.append(_adjusted(method, data, factory, stochastic))
         samples = [windows]
-    parameters, scale = split(_mean(samples), method.parameters, factory)
-    failed = [~each.converged & each.seen for windows in samples for each in windows]
-    return Estimate(parameters, scale, int(np.any(failed, axis=0).sum()))
-
-
-@dataclass(frozen=True)
-class _Window:
-    """Adjustment of one window, or of the same window of several positions.
-
-    Attributes
-    ----------
-    corrections : ndarray, shape (lasers, parameters)
-    seen, converged : ndarray of bool, shape (lasers,)
-        Which lasers have observations, and which have converged.
-    """
-
-    corrections: Array
-    seen: NDArray[np.bool_]
-    converged: NDArray[np.bool_]
-
-
-def _mean(samples: Sequence[Sequence[_Window]]) -> Array:
-    """Plain mean over the windows that saw a laser, then over the samples, as the paper forms it.
-
-    Shape (lasers, parameters); zero for a laser that nobody saw.
-    """
-    value = np.array([[each.corrections for each in windows] for windows in samples])
-    seen = np.array([[each.seen for each in windows] for windows in samples])[..., None]
-    count = seen.sum(axis=1)
-    of_sample = (seen * value).sum(axis=1) / np.maximum(count, 1)
-    present = count > 0
-    return np.asarray((present * of_sample).sum(axis=0) / np.maximum(present.sum(axis=0), 1))
+    mean = average(
+        [
+            # Only positions of noise would matter, and there are no covariances here.
+            Member(str(number), "", CalibrationSet(method.parameters, factory, x, seen))
+            for number, windows in enumerate(samples)
+            for x, seen, _ in windows
+        ]
+    )
+    failed = [~converged & seen for windows in samples for _, seen, converged in windows]
+    return Estimate(mean.adjusted, mean.range_scale, int(np.any(failed, axis=0).sum()))
 
 
 def _adjusted(
     method: Method, data: Observations, factory: LaserParameters, stochastic: Stochastic
-) -> _Window:
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Corrections (lasers, u), which lasers have observations, which have converged."""
     seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
     if method.planes_unknown:
         number = data.station_number * (int(data.plane_number.max()) + 1) + data.plane_number
         group = np.unique(number, return_inverse=True)[1]
         joint = adjust_joint(data, group, factory, method.parameters, stochastic)
-        return _Window(joint.corrections, seen, np.full(len(factory), joint.converged))
+        return joint.corrections, seen, np.full(len(factory), joint.converged)
     assert method.solver is not None
     results = adjust_all(
         data,
@@ -283,7 +264,7 @@ def _adjusted(
         stochastic,
         max_iterations=MAX_ITERATIONS,
     )
-    return _Window(
+    return (
         np.array([result.corrections for result in results]),
         seen,
         np.array([result.converged for result in results]),

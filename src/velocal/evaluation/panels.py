@@ -159,7 +159,7 @@ def panel_rows(
         chosen = plane.rows
         laser_id = cloud.laser_id[chosen]
         for each in candidates:
-            seen = Cloud.of(cloud.distance_m[chosen], cloud.phi[chosen], laser_id, each.parameters)
+            seen = Cloud.from_beams(cloud[chosen], each.parameters)
             fitted = fit_plane(seen.xyz).plane
             s = seen.s(np.arange(len(chosen)), fitted)
             lasers = laser_statistics(s, laser_id, len(each.parameters), 1.0)

@@ -183,10 +183,10 @@ def said_by_tables(shown: pd.DataFrame) -> dict[str, float]:
     """
     found = {}
     for (scanner, data, calibration), rows in shown.groupby(["scanner", "data", "calibration"]):
-        lasers = scanner_named(str(scanner)).n_lasers
-        found[f"lasers_{calibration}_{data}_{lasers}"] = float(rows["complies_zero"].mean())
+        short = scanner_named(str(scanner)).short_name
+        found[f"lasers_{calibration}_{data}_{short}"] = float(rows["complies_zero"].mean())
         if data == "validation":
-            found[f"indoor_{calibration}_{lasers}"] = float(rows["rms_cm"].mean())
+            found[f"indoor_{calibration}_{short}"] = float(rows["rms_cm"].mean())
     return found
 
 
@@ -202,8 +202,8 @@ def said_by_surveys(surveys: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     """Flatness of the walls (mm) and number of base targets, out of surveys of positions."""
     found: dict[str, float] = {}
     for survey in surveys:
-        lasers = scanner_named(survey["scanner"]).n_lasers
-        found[f"base_targets_{lasers}"] = len(survey["pose"]["targets"])
+        short = scanner_named(survey["scanner"]).short_name
+        found[f"base_targets_{short}"] = len(survey["pose"]["targets"])
         for plane in survey["planes"]:
             if wall := _WALLS.get(plane["name"]):
                 found[f"flatness_{wall}_mean"] = plane["flatness_mean_m"] * 1e3

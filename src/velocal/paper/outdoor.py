@@ -90,7 +90,7 @@ def facts(means: pd.DataFrame) -> list[dict[str, Any]]:
     """Means that are shown, as ``item`` and ``value``: outdoor_real_after_32 and its like."""
     found = []
     for row in means[means["shown"] != ""].to_dict(orient="records"):
-        lasers = scanner_named(row["scanner"]).n_lasers
-        item = f"outdoor_{row['kind']}_{row['shown']}_{lasers}"
+        short = scanner_named(row["scanner"]).short_name
+        item = f"outdoor_{row['kind']}_{row['shown']}_{short}"
         found.append({"item": item, "value": row["rms_cm"]})
     return found

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import settings, tabulate
-from velocal.adjustment.average import average
+from velocal.adjustment import settings
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.candidates import Candidate, Role, with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
@@ -27,9 +28,9 @@ from velocal.paper.printed import tolerances_of_mean
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.assignment import Gates
-from velocal.reduction.medians import cell_medians
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.reduction.medians import binned_medians
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS, Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
@@ -131,10 +132,10 @@ def _of_scanner(
 ) -> Iterator[pd.DataFrame]:
     config, known = study.config, SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
-    gates = Gates.from_config(config["assignment"]["gates"])
+    limits = Limits.from_config(config["assignment"]["gates"])
     sigma_m = config["validation"]["sigma_cm"] * 1e-2
     settled = study.adjustment(scanner)
-    adjustments: dict[str, list[tabulate.Corrections]] = {}
+    adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
@@ -147,24 +148,22 @@ def _of_scanner(
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             medians = _medians(returns, config["reduction"], known)
-            rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
+            beams = Beams.from_ticks(medians, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
             data = station.observations(rows)
             results = adjust_all(
                 data, factory, settled["parameters"], settings.solver(settled), stochastic
             )
-            columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
-            found = tabulate.read_corrections(columns)
-            adjustments.setdefault(sample.name, []).append(found)
-            pair = [
-                Candidate(Role.FACTORY, factory),
-                Candidate(Role.WINDOW, factory.corrected(found.value)),
-            ]
+            found = CalibrationSet.from_adjustments(results, factory)
+            member = Member(sample.name, position, found)
+            adjustments.setdefault(sample.name, []).append(member)
+            pair = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, found.adjusted)]
             heading |= {"data": "calibration"}
             yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
             scan = first_rotations(returns, config["validation"]["rotations"])
-            scans[sample.name, window] = station.observations(
-                assigned_scan(scan, known, rate_hz, factory, station.patches, gates)
-            )
+            beams = Beams.from_ticks(scan, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
+            scans[sample.name, window] = station.observations(rows)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
         heading = {"scanner": scanner, "sample": name, "window": window, "data": "validation"}
@@ -175,24 +174,24 @@ def _sets(
     study: Study,
     scanner: str,
     factory: LaserParameters,
-    adjustments: dict[str, list[tabulate.Corrections]],
+    adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
     weights = study.config["adjustment"].get("average", "equal")
     sets = {}
     for name, samples in study.parameter_sets[scanner].items():
-        chosen = average([adjustments[sample] for sample in samples], weights)
-        sets[name] = factory.corrected({key: each.mean for key, each in chosen.items()})
+        members = [member for sample in samples for member in adjustments[sample]]
+        sets[name] = average(members, weights).adjusted
     return sets
 
 
 def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
-    """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
-    reduced = cell_medians(
+    """Reduce to medians; a bin may hold a single return, as there are fewer rotations."""
+    reduced = binned_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=known.cell(reduction["cell_deg"].get(known.name)),
+        bin_ticks=known.azimuth_bin(reduction["cell_deg"].get(known.name)),
         min_count=1,
     )
     return asdict(reduced)

@@ -87,8 +87,8 @@ def shots_at(
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
         lasers = np.full(len(rows), laser)
-        # The head turns on until a laser fires that fires late in its firing.
-        phi = start + rate * scanner.firing_offset_s[laser]
+        # The head rotates further until a laser fires that is late in its firing.
+        phi = start + rate * scanner.azimuth_delay_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
         length, surface = cast(
             scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
@@ -187,7 +187,7 @@ def _trailing(
     Its arguments are the numbers of the packets, their times as shares of the recording, and their
     times in microseconds since the full hour.
     """
-    if not scanner.paired:
+    if not scanner.embeds_calibration:
         mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
         return lambda number, share, time_us: np.tile(mode, (len(number), 1))
     rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)

@@ -72,7 +72,7 @@ def outcome(
     stochastic : Stochastic
         Its survey is replaced by that of the draw.
     """
-    error, std, inside, held = [], [], [], []
+    error, std, inside, weak = [], [], [], []
     used = np.unique(at.laser_id)
     for draw in draws:
         survey = () if draw.survey is None else (draw.survey,)
@@ -87,13 +87,13 @@ def outcome(
         error.append(difference)
         std.append([result.std for result in results])
         inside.append(np.abs(difference) <= half)
-        held.append([[name in result.held for name in names] for result in results])
+        weak.append([[name in result.weakly_determined for name in names] for result in results])
     return Outcome(
         tuple(names),
         np.array(error),
         np.array(std),
         np.array(inside),
-        np.mean(held, axis=0) < 0.5,
+        np.mean(weak, axis=0) < 0.5,
     )
 
 
@@ -112,7 +112,7 @@ def cramer_rao(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Ar
         Parameters to adjust.
     """
     _, matrix = exact(at).design(at.factory)
-    weighted = matrix / stochastic.row_std(matrix[:, ADJUSTABLE.index("alpha")])[:, None]
+    weighted = matrix / stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])[:, None]
     weighted = weighted[:, [ADJUSTABLE.index(name) for name in names]]
     used = np.unique(at.laser_id)
     bound = np.full((len(used), len(names)), np.inf)

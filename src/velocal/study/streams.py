@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, MutableMapping
 
 from velocal.errors import ConfigError
+from velocal.scanner.models import scanner_named
 
 
 def stream_path(results: str, sample: str) -> str:
@@ -39,7 +40,7 @@ def name_streams(
         if row["calibration"] != "stream":
             continue
         name, scanner = row["sample"], row["scanner"]
-        if not scanner.startswith("HDL-64E"):
+        if not scanner_named(scanner, where=where).embeds_calibration:
             raise ConfigError(
                 f"sample {name!r}: {scanner} sends no calibration in its packets",
                 where=where,

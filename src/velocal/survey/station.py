@@ -199,10 +199,10 @@ class Station:
         covariance of the plane.
         """
         return SurveyUncertainty(
-            self.pose.translation,
-            self.pose.covariance,
-            np.array([patch.plane.covariance for patch in self.patches]),
-            np.array([plane.flatness_std_m for plane in self.planes]),
+            translation=self.pose.translation,
+            pose=self.pose.covariance,
+            planes=np.array([patch.plane.covariance for patch in self.patches]),
+            flatness_m=np.array([plane.flatness_std_m for plane in self.planes]),
         )
 
     def observations(self, rows: Mapping[str, NDArray[Any]]) -> Observations:

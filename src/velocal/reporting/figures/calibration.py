@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from velocal.arrays import Array
 from velocal.reporting.style import COLOURS, GREY, style
-from velocal.scanner.parameters import Array
 
 #: Below this differences are rounding, and drawn there.
 _LEAST_CM = 1e-3

@@ -16,8 +16,10 @@ import pandas as pd
 
 from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations, adjust_all
-from velocal.evaluation import panels as outdoor
-from velocal.evaluation import planes_in_data as field
+from velocal.evaluation.candidates import with_sets
+from velocal.evaluation.panels import Panels, fit_panels, panel_rows
+from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
+from velocal.paper.outdoor import HEADING, before_and_after, summarise
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
@@ -66,7 +68,7 @@ def adjusted(simulated, scanner, position, sample, config):
 
 
 def parameter_sets(simulated, scanner, config, positions):
-    """Factory values and parameter sets as the study forms them."""
+    """Candidates: the factory's values, and parameter sets as the study forms them."""
     factory = truth.factory_parameters(simulated, scanner)
     adjustment = dict(config["adjustment"])
     adjustment |= adjustment.pop("by_scanner", {}).get(scanner, {})
@@ -75,12 +77,13 @@ def parameter_sets(simulated, scanner, config, positions):
         name: adjusted(simulated, scanner, positions[name], name, adjustment)
         for name in dict.fromkeys(sample for samples in sets.values() for sample in samples)
     }
-    return {outdoor.BEFORE: factory} | {
+    averages = {
         name: factory.corrected(
             {key: np.mean([single[s][key] for s in samples], axis=0) for key in single[samples[0]]}
         )
         for name, samples in sets.items()
     }
+    return with_sets(factory, averages)
 
 
 def sample(simulated, row, candidates, config):
@@ -102,13 +105,13 @@ def sample(simulated, row, candidates, config):
     noise *= np.hypot(1.0, simulated.outdoor["kinds"][row["kind"]]["fog"]["noise"])
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
     beams = Beams(raw, phi, lasers, scanner.distance_tick_m)
-    cloud = field.Cloud.from_beams(beams, candidates[outdoor.BEFORE])
-    panels = outdoor.Panels.from_config(
+    cloud = Cloud.from_beams(beams, candidates[0].parameters)
+    panels = Panels.from_config(
         row["distance_m"], row["azimuth_deg"], config["panels"], config["fit"]
     )
-    planes = outdoor.fit_panels(cloud, panels, outdoor.search(config["fit"]), row["sample"])
-    heading = {key: row[key] for key in outdoor.HEADING}
-    return [heading | each for each in outdoor.panel_rows(cloud, planes, candidates)]
+    planes = fit_panels(cloud, panels, PlaneLimits.from_config(config["fit"]), row["sample"])
+    heading = {key: row[key] for key in HEADING}
+    return [heading | each for each in panel_rows(cloud, planes, candidates)]
 
 
 def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -121,14 +124,14 @@ def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     candidates = {
         name: parameter_sets(simulated, name, config, positions) for name in simulated.scanners
     }
-    samples, means = outdoor.summarise(
-        [
-            panel
-            for row in rows
-            for panel in sample(simulated, row, candidates[row["scanner"]], config["outdoor"])
-        ]
-    )
-    return pd.DataFrame(samples), pd.DataFrame(means).assign(seed=simulated.seed)
+    panels = [
+        panel
+        for row in rows
+        for panel in sample(simulated, row, candidates[row["scanner"]], config["outdoor"])
+    ]
+    samples, means = summarise(pd.DataFrame(panels))
+    shown = before_and_after(means, ["kind", "scanner"])
+    return before_and_after(samples, ["sample"]), shown.assign(seed=simulated.seed)
 
 
 def main(seeds: int) -> None:

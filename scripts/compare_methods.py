@@ -12,8 +12,8 @@ from velocal.calibration.files import formats
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
+from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import read_station
 
@@ -59,7 +59,7 @@ def main(
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(md, text)
     figure = comparison.draw(numbers, scanner, simulated=simulated)
-    figures.save(figure, svg, png)
+    save(figure, svg, png)
 
 
 if "snakemake" in globals():

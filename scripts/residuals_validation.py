@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from velocal.calibration.files import formats
+from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
@@ -24,11 +25,11 @@ def main(
     sample: str,
     window: str,
     scanner: str,
-    set_names: list[str],
+    parameter_sets: list[str],
     gates: Mapping[str, float],
     validation: Mapping[str, Any],
 ) -> None:
-    """Write the statistics per laser as CSV."""
+    """Write the statistics per laser as CSV; sets are the files of `parameter_sets` in order."""
     known = scanner_named(scanner)
     station = read_station(survey)
     rotations = validation["rotations"]
@@ -38,13 +39,10 @@ def main(
     beams = Beams.from_ticks(scan, known, facts["rotation_rate_hz"])
     rows = assigned_rows(beams, factory, station.patches, Limits.from_config(gates))
     data = station.observations(rows)
-    candidates = {"before": factory} | {
-        name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
-    }
+    parameters = [formats.read(path, known.n_lasers) for path in sets]
+    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
-    s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
-    sigma_m = validation["sigma_cm"] * 1e-2
-    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
+    table = statistics_table(heading, candidates, data, validation["sigma_cm"] * 1e-2)
     storage.write_csv(statistics, table)
 
 

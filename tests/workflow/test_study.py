@@ -87,9 +87,9 @@ def test_results_are_there(finished):
     assert list(accuracy["item"]) == ["control_points", "targets", "base_field", "base_scanner"]
     summary = pd.read_csv(results / "statistics/summary.csv")
     assert len(summary) == 2 * 3 * 4
-    assert summary["std_cm"].notna().all()
-    pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("calibration")
-    assert pair["std_cm"].mean()["after"] < 0.6 * pair["std_cm"].mean()["before"]
+    assert summary["rms_cm"].notna().all()
+    pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("role")
+    assert pair["rms_cm"].mean()["window"] < 0.6 * pair["rms_cm"].mean()["factory"]
 
 
 def test_second_run_is_idle(finished):
@@ -99,7 +99,7 @@ def test_second_run_is_idle(finished):
 
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
-    edited("src/velocal/reporting/figures/lasers.py", "\nEDITED = 1\n")
+    edited("src/velocal/reporting/style.py", "\nEDITED = 1\n")
     drawn = {"draw_lasers", "draw_histogram", "draw_network", "draw_plan", "draw_panels"}
     assert {rule for rule, _ in planned(finished)} == drawn | {"write_report"}
 

@@ -3,9 +3,9 @@
 # in:   recordings of the outdoor sheet, the factory's calibration, every parameter set of the
 #       scanner; the world, for recordings that are simulated
 # out:  {results}/recordings/{outdoor}/ledger.json  what was used, what not and why
-#       {results}/outdoor/{outdoor}.csv             std of s about the plane of every panel, before
-#                                                   and with each set
-#       {results}/outdoor/summary.csv, means.csv    one row per sample; per kind and scanner
+#       {results}/outdoor/{outdoor}.csv             rms of s about the plane of every panel, with
+#                                                   the factory's calibration and each set
+#       {results}/outdoor/summary.csv, means.csv    one row per sample and calibration; their means
 #       {results}/outdoor/facts.csv                 the means as items and values
 #       {results}/figures/figure_NN.{svg,png,csv}   std against distance, all on one scale
 #
@@ -60,7 +60,7 @@ rule measure_panels:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
     params:
         sample=lambda wildcards: vars(outdoor_sample(wildcards)),
-        set_names=lambda wildcards: list(
+        parameter_sets=lambda wildcards: list(
             STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
         ),
         boxes=OUTDOOR.get("panels"),

@@ -1,7 +1,7 @@
 # What people look at.
 #
 # in:   {results}/statistics/*.csv, {results}/residuals, ledgers
-# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}
+# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
 #       {results}/figures/figure_NN.{svg,png,csv}
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
@@ -128,9 +128,16 @@ rule write_report:
         simulated=bool(WORLD),
         tables=config.get("tables", {}),
         figures=FIGURES,
+        samples=[*STUDY.samples, *STUDY.outdoor],
         scanners=list(STUDY.factories),
         factory_scanners=[
             name for name, path in STUDY.factories.items() if path != "nominal"
         ],
+        set_scanners=[
+            scanner for scanner, sets in STUDY.parameter_sets.items() for _ in sets
+        ],
+        set_names=[name for sets in STUDY.parameter_sets.values() for name in sets],
+        field_samples=list(STUDY.field),
+        outdoor_figures=list(OUTDOOR_FIGURES),
     script:
         "../../scripts/write_report.py"

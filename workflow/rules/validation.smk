@@ -48,7 +48,7 @@ rule residuals_validation:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        set_names=lambda wildcards: list(
+        parameter_sets=lambda wildcards: list(
             STUDY.parameter_sets[sample_of(wildcards).scanner]
         ),
         gates=config.get("assignment", {}).get("gates"),

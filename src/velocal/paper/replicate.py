@@ -19,10 +19,12 @@ from velocal.adjustment import settings
 from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.result import CalibrationSet
+from velocal.evaluation.candidates import Candidate, Role, with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
-from velocal.paper import printed as published
-from velocal.paper import statements, tables
+from velocal.paper import agreement as comparison
+from velocal.paper import tables
+from velocal.paper.printed import tolerances_of_mean
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
@@ -52,6 +54,11 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
         Samples, parameter sets and settings.
     rotations : int
         Rotations of a window; the configuration's are not used.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `statistics_table`.
     """
     parts: list[pd.DataFrame] = []
     survey = adjust_field_book(field_book(world))
@@ -61,17 +68,28 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
 
 
 def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
-    """Cells of the tables and the statements that follow from them, beside the printed ones."""
+    """Cells of the tables and the statements that follow from them, beside the printed ones.
+
+    Parameters
+    ----------
+    world, study, rotations
+        As for `lasers`.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `paper.agreement`.
+    """
     summary = tables.summarised(lasers(world, study, rotations))
-    shown = pd.concat(
-        tables.formatted(tables.build(number, selection, summary, simulated=True).frame)
-        for number, selection in study.config["tables"].items()
+    every = pd.concat(
+        [
+            tables.formatted(tables.build(number, selection, summary, simulated=True).frame)
+            for number, selection in study.config["tables"].items()
+        ]
     )
-    found = statements.of_tables(published.sources_of(summary, shown))
-    return pd.concat(
-        [published.agreement(summary, shown), statements.agreement(found, partial=True)],
-        ignore_index=True,
-    )
+    shown = comparison.statistics_shown(summary, every)
+    said = comparison.of_statements(comparison.said_by_tables(shown), partial=True)
+    return pd.concat([comparison.of_cells(shown), said], ignore_index=True)
 
 
 def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
@@ -90,7 +108,7 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
     """
     values = pd.DataFrame({s: each.set_index("item")["reproduced"] for s, each in replicas.items()})
     first = next(iter(replicas.values())).set_index("item").loc[values.index]
-    tolerance = np.array([statements.tolerances_of_mean()[item] for item in values.index])
+    tolerance = np.array([tolerances_of_mean()[item] for item in values.index])
     mean = values.mean(axis=1)
     difference = (mean - first["paper"]).round(3)
     return pd.DataFrame(
@@ -139,20 +157,17 @@ def _of_scanner(
             found = CalibrationSet.from_adjustments(results, factory)
             member = Member(sample.name, position, found)
             adjustments.setdefault(sample.name, []).append(member)
-            s = {
-                "before": data.misclosure(factory),
-                "after": data.misclosure(found.adjusted),
-            }
-            yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
+            pair = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, found.adjusted)]
+            heading |= {"data": "calibration"}
+            yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
             scan = first_rotations(returns, config["validation"]["rotations"])
             beams = Beams.from_ticks(scan, known, rate_hz)
             rows = assigned_rows(beams, factory, station.patches, limits)
             scans[sample.name, window] = station.observations(rows)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
-        heading = {"scanner": scanner, "sample": name, "window": window}
-        s = {kind: data.misclosure(parameters) for kind, parameters in sets.items()}
-        yield _table(heading, "validation", s, data.laser_id, known, sigma_m)
+        heading = {"scanner": scanner, "sample": name, "window": window, "data": "validation"}
+        yield pd.DataFrame(statistics_table(heading, with_sets(factory, sets), data, sigma_m))
 
 
 def _sets(
@@ -162,23 +177,11 @@ def _sets(
     adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
     weights = study.config["adjustment"].get("average", "equal")
-    sets = {"before": factory}
+    sets = {}
     for name, samples in study.parameter_sets[scanner].items():
         members = [member for sample in samples for member in adjustments[sample]]
         sets[name] = average(members, weights).adjusted
     return sets
-
-
-def _table(
-    heading: dict[str, str],
-    data: str,
-    s: dict[str, NDArray[np.float64]],
-    laser_id: NDArray[np.integer],
-    known: Scanner,
-    sigma_m: float,
-) -> pd.DataFrame:
-    columns = statistics_table(heading | {"data": data}, s, laser_id, known.n_lasers, sigma_m)
-    return pd.DataFrame(columns)
 
 
 def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:

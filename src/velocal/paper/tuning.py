@@ -52,6 +52,19 @@ def misfit(
     """Difference of every cell's mean over seeds from the printed one, by its tolerance.
 
     Cells that contradict the rest of the paper are left out.
+
+    Parameters
+    ----------
+    content : mapping
+        Content of the world file.
+    study : Study
+    seeds : sequence of int
+    rotations : int
+        Of a window.
+
+    Returns
+    -------
+    ndarray, shape (cells,)
     """
     world = load(content)
     cells = spread({s: agreement(replace(world, seed=s), study, rotations) for s in seeds})

@@ -6,8 +6,10 @@ import pytest
 import yaml
 
 from velocal.errors import ConfigError
+from velocal.scanner.models import SCANNERS
 from velocal.study.config import check_files, read_study
 from velocal.study.sheets import check, read_sheet, read_yaml
+from velocal.study.template import write_study
 
 
 @pytest.fixture
@@ -88,6 +90,94 @@ def changed(config, path, value):
 def test_faults_of_the_configuration(config, schemas, path, value, message):
     with pytest.raises(ConfigError, match=message):
         read_study(changed(config, path, value), schemas, "config")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("adjustment", "by_scanner"), {"HDL64E": {"noise_cm": 1.0}}, "'HDL64E'.*HDL-64E"),
+        (("adjustment", "by_scanner"), {"VLP-16": {"noise_cm": 1.0}}, "no sample.*VLP-16"),
+        (("reduction", "cell_deg"), {"HDL-64": 0.09}, "'HDL-64'.*HDL-64E"),
+        (("reduction", "cell_deg", "HDL-64E"), 0.07, "0.07.*divides 360"),
+        (("reduction", "cell_deg", "HDL-64E"), 0.095, "0.095.*divides 360"),
+        (("figures", "13", "scanner"), "HDL-65E", "figures.13.*'HDL-65E'.*HDL-64E"),
+        (("figures", "13", "scanner"), "HDL-32E", "figures.13: sample 'sa3' is of 'HDL-64E'"),
+        (("tables", "2", "scanner"), "HDL-32E", "tables.2: sample 'sa3' is of 'HDL-64E'"),
+        (("adjustment", "parameters"), ["dl", "alpha", "v", "voff"], "'voff_cm'"),
+        (("adjustment", "parameters"), ["dl", "hoff"], "'hoff_cm'"),
+        (("adjustment", "prior", "dl_cm"), None, "'dl_cm'"),
+        (("figures", "28"), None, "compare_with_paper.*map"),
+        (("outdoor",), None, "compare_with_paper.*outdoor"),
+        (("tables", "3"), None, "compare_with_paper.*tables.3"),
+        (("outdoor", "rotations"), None, "outdoor.rotations"),
+        (("reduction", "min_count"), True, "reduction.min_count: True"),
+        (("adjustment", "noise_cm"), float("nan"), "adjustment.noise_cm.*finite"),
+        (("adjustment", "block_deg"), float("inf"), "adjustment.block_deg.*finite"),
+        (("tables", 2), {}, r"tables: the key 2 .*quotes"),
+        (("figures", "18", "laser"), None, "figures.18.laser"),
+        (("figures", "18", "laser"), 65, "figures.18.laser: 65.*64"),
+    ],
+)
+def test_faults_that_would_only_show_in_a_job(config, schemas, path, value, message):
+    with pytest.raises(ConfigError, match=message):
+        read_study(changed(config, path, value), schemas, "config")
+
+
+def test_a_simulated_recording_that_no_rule_makes(config, schemas, tmp_path):
+    sheet = tmp_path / "samples.tsv"
+    text = (schemas.parents[1] / config["samples"]).read_text()
+    sheet.write_text(text.replace("recordings/sa6.bin", "recordings/sa7.bin"))
+    study = read_study(config | {"samples": str(sheet)}, schemas, "config")
+    with pytest.raises(ConfigError, match=r"recording of sample 'sa6'.*sa7.bin"):
+        check_files(study, "results/simulation", "config")
+
+
+@pytest.fixture
+def own(root, tmp_path, monkeypatch):
+    """A study as `velocal init` leaves it, with the capture and the factory's file in place."""
+    write_study(tmp_path, SCANNERS["HDL-64E"], 1, root / "workflow/Snakefile")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "captures/sample1.pcap").touch()
+    (tmp_path / "factory.xml").touch()
+    return yaml.safe_load((tmp_path / "config.yaml").read_text())
+
+
+TARGETS = {
+    "planes": "a,{},0,0,0,1,1,1\n",
+    "base_scanner": "b,HDL-64E,0,0,0,1,1,1\n",
+    "base_field": "b,P1,0,0,0,1,1,1\n",
+}
+
+
+@pytest.mark.parametrize("untouched", TARGETS)
+def test_untouched_templates_of_the_survey(own, schemas, tmp_path, untouched):
+    for name, row in TARGETS.items():
+        if name != untouched:
+            rows = [row.format(plane) for plane in ("wall1", "wall2", "floor")][
+                : row.count("{") * 3
+            ]
+            with (tmp_path / f"survey/{name}.csv").open("a") as file:
+                file.writelines(rows or [row])
+    with pytest.raises(ConfigError, match=rf"survey.{untouched}: .*no target"):
+        check_files(read_study(own, schemas, "config"), None, "config")
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "message"),
+    [
+        ("planes", ("floor", "ground"), "no target of plane 'floor'.*wall1, wall2, ground"),
+        ("base_scanner", ("HDL-64E", "HDL-32E"), "no target of scanner 'HDL-64E'.*HDL-32E"),
+        ("base_field", ("P1", "P2"), "no target of position 'P1'.*P2"),
+    ],
+)
+def test_survey_files_of_something_else(own, schemas, tmp_path, name, wrong, message):
+    for each, row in TARGETS.items():
+        rows = [row.format(plane) for plane in ("wall1", "wall2", "floor")][: row.count("{") * 3]
+        text = "".join(rows or [row])
+        with (tmp_path / f"survey/{each}.csv").open("a") as file:
+            file.write(text.replace(*wrong) if each == name else text)
+    with pytest.raises(ConfigError, match=message):
+        check_files(read_study(own, schemas, "config"), None, "config")
 
 
 COLUMNS = "sample\tscanner\tposition\trecording\tcalibration\n"

@@ -7,19 +7,19 @@ from typing import Any
 from velocal.adjustment import settings, tabulate
 from velocal.adjustment.lasers import adjust_all
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.errors import reported
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import observations, patches_of, uncertainty_of
 
 
 def main(
+    *,
     assigned: Path,
     survey: Path,
     calibration: Path | None,
     adjustment: Path,
     covariance: Path,
-    *,
     scanner: str,
     config: Mapping[str, Any],
 ) -> None:
@@ -38,13 +38,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.assigned),
-            Path(snakemake.input.survey),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            Path(snakemake.output.adjustment),
-            Path(snakemake.output.covariance),
-            scanner=snakemake.params.scanner,
-            config=snakemake.params.adjustment,
-        )
+    run(main, snakemake)

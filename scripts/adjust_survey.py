@@ -4,19 +4,19 @@ from pathlib import Path
 
 import numpy as np
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.survey.station import adjust_station, as_dict
 from velocal.survey.targets import read_targets, with_covariance
 
 
 def main(
+    *,
     planes: Path,
     base_scanner: Path,
     base_field: Path,
+    covariance: Path | None,
     survey: Path,
-    *,
-    covariance: Path | None = None,
     position: str,
     scanner: str,
     names: list[str],
@@ -38,14 +38,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.planes),
-            Path(snakemake.input.base_scanner),
-            Path(snakemake.input.base_field),
-            Path(snakemake.output.survey),
-            covariance=Path(snakemake.input.covariance) if snakemake.input.covariance else None,
-            position=snakemake.wildcards.position,
-            scanner=snakemake.params.scanner,
-            names=snakemake.params.planes,
-        )
+    run(main, snakemake)

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.errors import reported
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import assigned_scan
 from velocal.scanner.models import scanner_named
@@ -13,11 +13,11 @@ from velocal.survey.station import patches_of
 
 
 def main(
+    *,
     medians: Path,
     survey: Path,
     calibration: Path | None,
     assigned: Path,
-    *,
     scanner: str,
     gates: Mapping[str, float],
 ) -> None:
@@ -45,12 +45,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.medians),
-            Path(snakemake.input.survey),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            Path(snakemake.output.assigned),
-            scanner=snakemake.params.scanner,
-            gates=snakemake.params.gates,
-        )
+    run(main, snakemake)

@@ -7,10 +7,11 @@ from typing import Any
 import pandas as pd
 
 from velocal.adjustment import settings
+from velocal.adjustment.lasers import Observations
 from velocal.calibration.files import formats
-from velocal.errors import reported
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import scanner_named
@@ -18,45 +19,49 @@ from velocal.survey.station import observations, patches_of
 
 
 def main(
+    *,
     assigned: list[Path],
     surveys: list[Path],
     calibration: Path | None,
     truth: Path | None,
-    outputs: Mapping[str, Path],
-    *,
-    samples: Mapping[str, Mapping[str, str]],
+    csv: Path,
+    md: Path,
+    svg: Path,
+    png: Path,
+    samples: list[str],
+    positions: list[str],
+    calibrate_on: list[str],
+    check_on: list[str],
     scanner: str,
     adjustment: Mapping[str, Any],
     sigma_cm: float,
     simulated: bool,
 ) -> None:
-    """Write the comparison; `samples` has the positions of those to calibrate on and others."""
-    patches = {path.stem: patches_of(storage.read_json(path)) for path in surveys}
+    """Write the comparison of what is calibrated on some samples and checked on others.
 
-    def windows(sample: str, position: str) -> methods.SampleData:
-        tables = (
-            storage.read_table(p, schemas.ASSIGNED) for p in assigned if p.parts[-2] == sample
-        )
-        return methods.SampleData(position, [observations(t, patches[position]) for t, _ in tables])
-
-    both = [[windows(*item) for item in samples[kind].items()] for kind in ("calibration", "other")]
+    `samples` and `positions` are those of every file of assigned medians.
+    """
+    stations = map(storage.read_json, surveys)
+    patches = {station["position"]: patches_of(station) for station in stations}
+    stood = dict(zip(samples, positions, strict=True))
+    windows: dict[str, list[Observations]] = {sample: [] for sample in samples}
+    for path, sample in zip(assigned, samples, strict=True):
+        columns, _ = storage.read_table(path, schemas.ASSIGNED)
+        windows[sample].append(observations(columns, patches[stood[sample]]))
+    both = [
+        [methods.SampleData(stood[name], windows[name]) for name in names]
+        for names in (calibrate_on, check_on)
+    ]
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
     true = formats.read(truth, len(factory)) if truth else None
     stochastic = settings.stochastic(adjustment)
     numbers = pd.DataFrame(methods.compare(*both, factory, stochastic, sigma_cm * 1e-2, true))
-    storage.write_csv(outputs["csv"], numbers, digits=5)
+    storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)
-    storage.write_text(outputs["md"], text)
+    storage.write_text(md, text)
     figure = comparison.draw(numbers, scanner, simulated=simulated)
-    figures.save(figure, outputs["svg"], outputs["png"])
+    figures.save(figure, svg, png)
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        found = snakemake.input
-        main(
-            *([Path(path) for path in files] for files in (found.assigned, found.surveys)),
-            *(Path(path) if path else None for path in (found.calibration, found.truth)),
-            {name: Path(path) for name, path in snakemake.output.items()},
-            **{k: v for k, v in snakemake.params.items() if k != "library"},
-        )
+    run(main, snakemake)

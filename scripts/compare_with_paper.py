@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper import printed as published
 from velocal.paper import statements
 
@@ -15,12 +15,13 @@ def _frame(path: Path) -> pd.DataFrame:
 
 
 def main(
+    *,
     summary: Path,
     tables: list[Path],
     surveys: list[Path],
     accuracy: Path,
     facts: list[Path],
-    output: Path,
+    agreement: Path,
 ) -> None:
     """Write the comparison as CSV; facts are tables with columns `item` and `value`."""
     shown = pd.concat([_frame(path) for path in tables], ignore_index=True)
@@ -32,16 +33,8 @@ def main(
         table = _frame(path)
         found |= dict(zip(table["item"], table["value"].astype(float), strict=True))
     parts = [published.agreement(every, shown), statements.agreement(found)]
-    storage.write_csv(output, pd.concat(parts, ignore_index=True))
+    storage.write_csv(agreement, pd.concat(parts, ignore_index=True))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.summary),
-            [Path(path) for path in snakemake.input.tables],
-            [Path(path) for path in snakemake.input.surveys],
-            Path(snakemake.input.accuracy),
-            [Path(path) for path in snakemake.input.facts],
-            Path(snakemake.output.agreement),
-        )
+    run(main, snakemake)

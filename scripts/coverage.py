@@ -8,8 +8,8 @@ import pandas as pd
 
 from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.coverage import (
     cramer_rao,
@@ -24,15 +24,15 @@ from velocal.study.sheets import read_yaml
 
 #: Position of each scanner, and of how many lasers one is simulated.
 POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}
+SEED = 1
 
 
 def main(
+    *,
     world_file: Path,
     coverage: Path,
-    *,
     adjustment: Mapping[str, Mapping[str, Any]],
-    runs: int = 500,
-    seed: int = 1,
+    runs: int,
 ) -> None:
     """Write errors, stated standard deviations and coverage by case, scanner and parameter."""
     simulated, rows = world.load(read_yaml(world_file)), []
@@ -45,11 +45,11 @@ def main(
         for some in (names, tuple(name for name in names if name != "v")):
             seen = observable_only(at, white, some)
             bound = cramer_rao(seen, white, some)
-            draws = white_draws(seen, white, some, 8 * runs, seed)
+            draws = white_draws(seen, white, some, 8 * runs, SEED)
             found = summary(outcome(draws, seen, some, GaussHelmert(), white), bound)
             case = {"case": f"white: {' '.join(some)}", "scanner": scanner}
             rows += [case | {"method": "gauss_helmert"} | row for row in found]
-        draws = list(full_draws(at, config, names, runs, seed))
+        draws = list(full_draws(at, config, names, runs, SEED))
         for kind, model, method, solver, n in (
             ("unit", of_unit(config, at.errors), "prior", WithPrior(), runs),
             ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 4),
@@ -61,6 +61,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(Path(snakemake.input.world), Path(snakemake.output.coverage),
-             adjustment=snakemake.params.adjustment, runs=snakemake.params.runs)  # fmt: skip
+    run(main, snakemake)

@@ -6,18 +6,18 @@ from typing import Any
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reporting.figures import lasers as figures
 
 
 def main(
+    *,
     data: list[Path],
     summary: Path,
     svg: Path,
     png: Path,
     csv: Path,
-    *,
     selection: Mapping[str, Any],
     sigma_cm: float,
     simulated: bool,
@@ -41,14 +41,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.data],
-            Path(snakemake.input.summary),
-            Path(snakemake.output.svg),
-            Path(snakemake.output.png),
-            Path(snakemake.output.csv),
-            selection=snakemake.params.figure,
-            sigma_cm=snakemake.params.sigma_cm,
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

@@ -4,20 +4,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal.errors import reported
 from velocal.evaluation.interior_map import clouds, section, summary_table
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reporting.figures import interior_map as map_figure
 from velocal.reporting.figures import lasers as figures
 
 
 def main(
+    *,
     points: Path,
     svg: Path,
     png: Path,
     csv: Path,
     summary: Path,
-    *,
     selection: Mapping[str, Any],
     simulated: bool,
 ) -> None:
@@ -35,10 +35,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.points),
-            *(Path(snakemake.output[name]) for name in ("svg", "png", "csv", "summary")),
-            selection=snakemake.params.figure,
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

@@ -2,22 +2,22 @@
 
 from pathlib import Path
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.network import draw_network
 
 
-def main(quality: Path, svg: Path, png: Path, *, simulated: bool) -> None:
+def main(
+    *,
+    quality: Path,
+    svg: Path,
+    png: Path,
+    simulated: bool,
+) -> None:
     """Draw set-ups, points with error ellipses, and how good all points are."""
     save(draw_network(storage.read_json(quality), simulated=simulated), svg, png)
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.quality),
-            Path(snakemake.output.svg),
-            Path(snakemake.output.png),
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.errors import reported
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reduction.assignment import Gates
 from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import plan as plan_figure
@@ -18,6 +18,7 @@ from velocal.survey.targets import read_targets
 
 
 def main(
+    *,
     medians: list[Path],
     surveys: list[Path],
     targets: Path,
@@ -25,17 +26,20 @@ def main(
     svg: Path,
     png: Path,
     csv: Path,
-    *,
+    samples: list[str],
     selection: Mapping[str, Any],
     gates: Mapping[str, float],
     simulated: bool,
 ) -> None:
-    """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample."""
+    """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample.
+
+    `samples` are those of every file of medians and of every survey.
+    """
     scanner = scanner_named(selection["scanner"])
     parameters = read_or_nominal(calibration, scanner)
     surveyed, limits = read_targets(targets, "plane"), Gates.from_config(gates)
     panels = []
-    for sample, path, survey in zip(selection["samples"], medians, surveys, strict=True):
+    for sample, path, survey in zip(samples, medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
         station = storage.read_json(survey)
         rate, at = facts["rotation_rate_hz"], station["position"]
@@ -48,14 +52,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.medians],
-            [Path(path) for path in snakemake.input.surveys],
-            Path(snakemake.input.targets),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            *(Path(snakemake.output[suffix]) for suffix in ("svg", "png", "csv")),
-            selection=snakemake.params.figure,
-            gates=snakemake.params.gates,
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

@@ -7,20 +7,23 @@ from typing import Any
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.errors import reported
 from velocal.evaluation import plane_search as field_search
 from velocal.evaluation import planes_in_data as field
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.scanner.models import scanner_named
 
 
 def main(
+    *,
     medians: Path,
     calibration: Path | None,
-    outputs: Mapping[str, Path],
-    *,
+    planes: Path,
+    lasers: Path,
+    svg: Path,
+    png: Path,
     sample: str,
     scanner: str,
     patches: Mapping[str, Any] | None,
@@ -32,28 +35,17 @@ def main(
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     cloud = field.Cloud.of_medians(columns, known, facts["rotation_rate_hz"], parameters)
-    planes, findings = field_search.planes_of(cloud, patches, field.Search.from_config(search))
+    found, findings = field_search.planes_of(cloud, patches, field.Search.from_config(search))
     heading = {"sample": sample, "scanner": scanner}
-    rows, lasers = field.tabulate(planes, cloud, columns, heading, sigma_cm * 1e-2)
+    rows, statistics = field.tabulate(found, cloud, columns, heading, sigma_cm * 1e-2)
     facts |= {**heading, "calibration": calibration.name if calibration else "nominal"}
     facts |= {"medians": len(cloud.xyz), "sigma_cm": sigma_cm}
-    storage.write_json(outputs["planes"], {**facts, "findings": findings, "planes": rows})
-    storage.write_csv(outputs["lasers"], lasers)
-    members = {plane.name: plane.rows for plane in planes}
-    figure = field_planes(cloud.xyz, members, pd.DataFrame(lasers), facts, findings)
-    save(figure, outputs["svg"], outputs["png"])
+    storage.write_json(planes, {**facts, "findings": findings, "planes": rows})
+    storage.write_csv(lasers, statistics)
+    members = {plane.name: plane.rows for plane in found}
+    figure = field_planes(cloud.xyz, members, pd.DataFrame(statistics), facts, findings)
+    save(figure, svg, png)
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        calibration = snakemake.input.calibration
-        main(
-            Path(snakemake.input.medians),
-            Path(calibration) if calibration else None,
-            {name: Path(path) for name, path in snakemake.output.items()},
-            sample=snakemake.wildcards.sample,
-            scanner=snakemake.params.scanner,
-            patches=snakemake.params.patches,
-            search=snakemake.params.search,
-            sigma_cm=snakemake.params.sigma_cm,
-        )
+    run(main, snakemake)

@@ -3,17 +3,25 @@
 from pathlib import Path
 
 from velocal.capture.reading import Choice
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
 from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
 from velocal.scanner.models import scanner_named
 
 
-def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str, choice: Choice) -> None:
+def main(
+    *,
+    recording: Path,
+    ledger: Path,
+    rotations: Path,
+    scanner: str,
+    port: int | None,
+    address: str | None,
+) -> None:
     """Write the ledger as JSON and the index as Parquet."""
-    inspection = inspect(recording, choice=choice)
+    inspection = inspect(recording, choice=Choice(port, address))
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
@@ -21,11 +29,4 @@ def main(recording: Path, ledger: Path, rotations: Path, *, scanner: str, choice
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.recording),
-            Path(snakemake.output.ledger),
-            Path(snakemake.output.rotations),
-            scanner=snakemake.params.scanner,
-            choice=Choice(snakemake.params.port, snakemake.params.address),
-        )
+    run(main, snakemake)

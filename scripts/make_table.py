@@ -6,37 +6,28 @@ from typing import Any
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper import tables
 
 
 def main(
+    *,
     summary: Path,
     csv: Path,
     md: Path,
     tex: Path,
-    *,
-    number: str,
+    table: str,
     selection: Mapping[str, Any],
     simulated: bool,
 ) -> None:
     """Write the table as CSV, Markdown and LaTeX."""
     statistics = pd.DataFrame(storage.read_csv(summary))
-    table = tables.build(number, selection, statistics, simulated=simulated)
-    storage.write_csv(csv, tables.formatted(table.frame))
-    storage.write_text(md, tables.to_markdown(table))
-    storage.write_text(tex, tables.to_latex(table))
+    built = tables.build(table, selection, statistics, simulated=simulated)
+    storage.write_csv(csv, tables.formatted(built.frame))
+    storage.write_text(md, tables.to_markdown(built))
+    storage.write_text(tex, tables.to_latex(built))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.summary),
-            Path(snakemake.output.csv),
-            Path(snakemake.output.md),
-            Path(snakemake.output.tex),
-            number=snakemake.params.number,
-            selection=snakemake.params.table,
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

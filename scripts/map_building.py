@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from velocal.calibration.files import formats
-from velocal.errors import reported
 from velocal.evaluation import interior_map as mapping
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
 from velocal.recording.returns import returns_of
 from velocal.recording.scan import inspect
@@ -14,28 +14,30 @@ from velocal.survey.targets import read_targets
 
 
 def main(
+    *,
     recordings: list[Path],
     base_map: Path,
     base_scanner: Path,
     calibration: Path | None,
     refined: Path,
     points: Path,
-    *,
+    positions: list[str],
+    parameter_set: str,
     scanner: str,
 ) -> None:
-    """Write the points with both calibrations as Parquet; recordings are named by position."""
+    """Write the points with both calibrations as Parquet; `positions` has one per recording."""
     known = scanner_named(scanner)
     sets = [formats.read_or_nominal(calibration, known), formats.read(refined, known.n_lasers)]
     there = read_targets(base_map, "position")
     here = read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner))
     poses = [
-        mapping.scanner_pose(there.of(path.stem, where=str(base_map)), here, where=str(base_map))
-        for path in recordings
+        mapping.scanner_pose(there.of(position, where=str(base_map)), here, where=str(base_map))
+        for position in positions
     ]
     facts = {
-        "positions": [path.stem for path in recordings],
+        "positions": positions,
         "scanners_m": [pose.translation for pose in poses],
-        "set": refined.stem,
+        "set": parameter_set,
     }
     with storage.table_writer(points, schemas.MAP, **facts) as writer:
         for number, (path, pose) in enumerate(zip(recordings, poses, strict=True)):
@@ -48,13 +50,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.recordings],
-            Path(snakemake.input.base_map),
-            Path(snakemake.input.base_scanner),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            Path(snakemake.input.refined),
-            Path(snakemake.output.points),
-            scanner=snakemake.params.scanner,
-        )
+    run(main, snakemake)

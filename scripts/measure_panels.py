@@ -7,22 +7,23 @@ from typing import Any
 import pandas as pd
 
 from velocal.calibration.files import formats
-from velocal.errors import reported
 from velocal.evaluation import panels as outdoor
 from velocal.evaluation.planes_in_data import Cloud
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.recording.returns import read_short
 from velocal.scanner.models import scanner_named
 
 
 def main(
+    *,
     recording: Path,
     calibration: Path | None,
     sets: list[Path],
     ledger: Path,
     panels: Path,
-    *,
     sample: Mapping[str, Any],
+    set_names: list[str],
     boxes: Mapping[str, Any],
     fit: Mapping[str, float],
 ) -> None:
@@ -32,7 +33,9 @@ def main(
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
     candidates = {outdoor.BEFORE: factory}
-    candidates |= {path.stem: formats.read(path, known.n_lasers) for path in sets}
+    candidates |= {
+        name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
+    }
     place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
     planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
     heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
@@ -43,14 +46,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.recording),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            [Path(path) for path in snakemake.input.sets],
-            Path(snakemake.output.ledger),
-            Path(snakemake.output.panels),
-            sample=snakemake.params.sample,
-            boxes=snakemake.params.panels,
-            fit=snakemake.params.fit,
-        )
+    run(main, snakemake)

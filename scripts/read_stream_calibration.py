@@ -4,20 +4,21 @@ from pathlib import Path
 
 from velocal.calibration.files import formats
 from velocal.capture.reading import Choice
-from velocal.errors import reported
+from velocal.io.scripts import run
 from velocal.recording.scan import inspect
 
 
-def main(recording: Path, calibration: Path, *, choice: Choice) -> None:
+def main(
+    *,
+    recording: Path,
+    calibration: Path,
+    port: int | None,
+    address: str | None,
+) -> None:
     """Write the calibration; every value as the wire holds it."""
-    status = inspect(recording, choice=choice).status
+    status = inspect(recording, choice=Choice(port, address)).status
     formats.write(calibration, status.calibration(str(recording)))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.recording),
-            Path(snakemake.output.calibration),
-            choice=Choice(snakemake.params.port, snakemake.params.address),
-        )
+    run(main, snakemake)

@@ -3,14 +3,19 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from velocal.errors import reported
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reduction.medians import cell_medians
 from velocal.scanner.models import scanner_named
 
 
 def main(
-    returns: Path, medians: Path, *, scanner: str, cell_deg: float | None, min_count: int
+    *,
+    returns: Path,
+    medians: Path,
+    scanner: str,
+    cell_deg: float | None,
+    min_count: int,
 ) -> None:
     """Write the medians as Parquet; the cell defaults to the scanner's."""
     known = scanner_named(scanner)
@@ -31,11 +36,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.returns),
-            Path(snakemake.output.medians),
-            scanner=snakemake.params.scanner,
-            cell_deg=snakemake.params.cell_deg,
-            min_count=snakemake.params.min_count,
-        )
+    run(main, snakemake)

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper import replicate
 from velocal.simulation import world
 from velocal.study.config import read_study
@@ -14,9 +14,9 @@ from velocal.study.sheets import read_yaml
 
 
 def main(
+    *,
     world_file: Path,
     agreement: Path,
-    *,
     seed: int,
     rotations: int,
     config: Mapping[str, Any],
@@ -29,12 +29,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            Path(snakemake.output.agreement),
-            seed=int(snakemake.wildcards.seed),
-            rotations=snakemake.params.rotations,
-            config=snakemake.params.study,
-            schemas=Path(snakemake.params.schemas),
-        )
+    run(main, snakemake)

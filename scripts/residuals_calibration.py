@@ -4,22 +4,22 @@ from pathlib import Path
 
 from velocal.adjustment.tabulate import read_corrections
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.errors import reported
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.scanner.beam import points
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import observations, patches_of
 
 
 def main(
+    *,
     assigned: Path,
     adjustment: Path,
     survey: Path,
     calibration: Path | None,
     residuals: Path,
     statistics: Path,
-    *,
     sample: str,
     window: str,
     scanner: str,
@@ -43,16 +43,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.assigned),
-            Path(snakemake.input.adjustment),
-            Path(snakemake.input.survey),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            Path(snakemake.output.residuals),
-            Path(snakemake.output.statistics),
-            sample=snakemake.wildcards.sample,
-            window=snakemake.wildcards.window,
-            scanner=snakemake.params.scanner,
-            sigma_cm=snakemake.params.sigma_cm,
-        )
+    run(main, snakemake)

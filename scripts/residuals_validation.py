@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from velocal.calibration.files import formats
-from velocal.errors import reported
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
+from velocal.io.scripts import run
 from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import scanner_named
@@ -15,46 +15,37 @@ from velocal.survey.station import observations, patches_of
 
 
 def main(
+    *,
     returns: Path,
     survey: Path,
     calibration: Path | None,
     sets: list[Path],
     statistics: Path,
-    *,
     sample: str,
     window: str,
     scanner: str,
+    set_names: list[str],
     gates: Mapping[str, float],
-    config: Mapping[str, Any],
+    validation: Mapping[str, Any],
 ) -> None:
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
     patches = patches_of(storage.read_json(survey))
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
-    scan = first_rotations(columns, config["rotations"])
+    scan = first_rotations(columns, validation["rotations"])
     limits = Gates.from_config(gates)
     rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
     data = observations(rows, patches)
-    candidates = {"before": factory} | {p.stem: formats.read(p, known.n_lasers) for p in sets}
+    candidates = {"before": factory} | {
+        name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
+    }
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
     s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
-    sigma_m = config["sigma_cm"] * 1e-2
+    sigma_m = validation["sigma_cm"] * 1e-2
     table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
     storage.write_csv(statistics, table)
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.returns),
-            Path(snakemake.input.survey),
-            Path(c) if (c := snakemake.input.calibration) else None,
-            [Path(path) for path in snakemake.input.sets],
-            Path(snakemake.output.statistics),
-            sample=snakemake.wildcards.sample,
-            window=snakemake.wildcards.window,
-            scanner=snakemake.params.scanner,
-            gates=snakemake.params.gates,
-            config=snakemake.params.validation,
-        )
+    run(main, snakemake)

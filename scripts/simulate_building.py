@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.errors import reported
+from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import building, capture, world
 from velocal.study.sheets import read_yaml
@@ -11,21 +11,21 @@ from velocal.survey.targets import write_targets
 ROTATIONS = 1  # complete ones; a scan is no more
 
 
-def main(world_file: Path, recordings: list[Path], base: Path) -> None:
-    """Write the records of every position, whose name the file has, and the base targets."""
+def main(
+    *,
+    world_file: Path,
+    recordings: list[Path],
+    base: Path,
+    positions: list[str],
+) -> None:
+    """Write the records of every position, one recording each, and the base targets."""
     simulated = world.load(read_yaml(world_file))
     scanner = building.described(simulated)["scanner"]
-    for recording in recordings:
-        position = recording.stem
+    for recording, position in zip(recordings, positions, strict=True):
         scene = building.scene(simulated, position)
         write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))
     write_targets(base, "position", building.base_targets(simulated))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            [Path(path) for path in snakemake.output.recordings],
-            Path(snakemake.output.base),
-        )
+    run(main, snakemake)

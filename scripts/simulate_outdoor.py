@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.errors import reported
+from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
 from velocal.simulation.outdoor import outdoor_scene
@@ -10,7 +10,13 @@ from velocal.study.sheets import read_yaml
 
 
 def main(
-    world_file: Path, recording: Path, *, sample: str, scanner: str, scene: str, rotations: int
+    *,
+    world_file: Path,
+    recording: Path,
+    sample: str,
+    scanner: str,
+    scene: str,
+    rotations: int,
 ) -> None:
     """Write the records that the scanner would have sent."""
     simulated = world.load(read_yaml(world_file))
@@ -20,12 +26,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            Path(snakemake.output.recording),
-            sample=snakemake.wildcards.outdoor,
-            scanner=snakemake.params.scanner,
-            scene=snakemake.params.scene,
-            rotations=snakemake.params.rotations,
-        )
+    run(main, snakemake)

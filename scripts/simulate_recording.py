@@ -2,14 +2,20 @@
 
 from pathlib import Path
 
-from velocal.errors import reported
+from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
 from velocal.study.sheets import read_yaml
 
 
 def main(
-    world_file: Path, recording: Path, *, sample: str, scanner: str, position: str, rotations: int
+    *,
+    world_file: Path,
+    recording: Path,
+    sample: str,
+    scanner: str,
+    position: str,
+    rotations: int,
 ) -> None:
     """Write the records that the scanner would have sent."""
     simulated = world.load(read_yaml(world_file))
@@ -18,12 +24,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            Path(snakemake.output.recording),
-            sample=snakemake.wildcards.sample,
-            scanner=snakemake.params.scanner,
-            position=snakemake.params.position,
-            rotations=snakemake.params.rotations,
-        )
+    run(main, snakemake)

@@ -2,23 +2,29 @@
 
 from pathlib import Path
 
-from velocal.errors import reported
+from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.survey import field_book
 from velocal.study.sheets import read_yaml
-from velocal.survey.network.observations import FILES, write_field_book
+from velocal.survey.network.observations import write_field_book
 
 
-def main(world_file: Path, paths: dict[str, Path]) -> None:
+def main(
+    *,
+    world_file: Path,
+    points: Path,
+    network: Path,
+    images: Path,
+    base_sights: Path,
+    base_readings: Path,
+) -> None:
     """Write control points, sights, image rays, and readings of the scanners' bases."""
     simulated = world.load(read_yaml(world_file))
     camera = simulated.survey["camera"]
+    paths = {"points": points, "network": network, "images": images}
+    paths |= {"base_sights": base_sights, "base_readings": base_readings}
     write_field_book(field_book(simulated), paths, camera["principal_distance_mm"])
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            {name: Path(snakemake.output[name]) for name in FILES},
-        )
+    run(main, snakemake)

@@ -5,20 +5,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.evaluation import panels as outdoor
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.reporting.figures import panels as outdoor_figure
 from velocal.reporting.figures.lasers import save
 
 
 def main(
+    *,
     panels: list[Path],
     summary: Path,
     means: Path,
     facts: Path,
     figures: list[Path],
-    *,
     selections: Mapping[str, Sequence[str]],
     sigma_cm: float,
     simulated: bool,
@@ -43,14 +43,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.panels],
-            Path(snakemake.output.summary),
-            Path(snakemake.output.means),
-            Path(snakemake.output.facts),
-            [Path(path) for path in snakemake.output.figures],
-            selections=snakemake.params.figures,
-            sigma_cm=snakemake.params.sigma_cm,
-            simulated=snakemake.params.simulated,
-        )
+    run(main, snakemake)

@@ -4,16 +4,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper.replicate import spread
 
 
-def main(replicas: list[Path], agreement: Path) -> None:
-    """Write the comparison; the seed is the name of a replica's file."""
-    storage.write_csv(agreement, spread({int(path.stem): pd.read_csv(path) for path in replicas}))
+def main(
+    *,
+    replicas: list[Path],
+    agreement: Path,
+    seeds: list[int],
+) -> None:
+    """Write the comparison; `seeds` are those of every replica."""
+    storage.write_csv(agreement, spread(dict(zip(seeds, map(pd.read_csv, replicas), strict=True))))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main([Path(path) for path in snakemake.input.replicas], Path(snakemake.output.agreement))
+    run(main, snakemake)

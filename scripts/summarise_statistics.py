@@ -4,22 +4,22 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper.tables import summarised
 
 
-def main(parts: list[Path], lasers: Path, summary: Path) -> None:
+def main(
+    *,
+    statistics: list[Path],
+    lasers: Path,
+    summary: Path,
+) -> None:
     """Write one table of all lasers and one of all windows."""
-    every = pd.concat([pd.read_csv(part) for part in parts], ignore_index=True)
+    every = pd.concat([pd.read_csv(part) for part in statistics], ignore_index=True)
     storage.write_csv(lasers, every)
     storage.write_csv(summary, summarised(every))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.statistics],
-            Path(snakemake.output.lasers),
-            Path(snakemake.output.summary),
-        )
+    run(main, snakemake)

@@ -4,12 +4,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.reporting.figures.unsurveyed import TABLE, field_markdown
 
 
-def main(planes: list[Path], csv: Path, md: Path) -> None:
+def main(
+    *,
+    planes: list[Path],
+    csv: Path,
+    md: Path,
+) -> None:
     """Write one row per sample and plane as CSV and Markdown; a finding is a row of its own."""
     rows = []
     for found in map(storage.read_json, planes):
@@ -22,9 +27,4 @@ def main(planes: list[Path], csv: Path, md: Path) -> None:
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            [Path(path) for path in snakemake.input.planes],
-            Path(snakemake.output.csv),
-            Path(snakemake.output.md),
-        )
+    run(main, snakemake)

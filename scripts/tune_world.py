@@ -4,17 +4,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.paper.tuning import tune
 from velocal.study.config import read_study
 from velocal.study.sheets import read_yaml
 
 
 def main(
+    *,
     world_file: Path,
     constants: Path,
-    *,
     seeds: int,
     rotations: int,
     iterations: int,
@@ -28,13 +28,4 @@ def main(
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            Path(snakemake.input.world),
-            Path(snakemake.output.constants),
-            seeds=snakemake.params.tuning["seeds"],
-            rotations=snakemake.params.rotations,
-            iterations=snakemake.params.tuning["iterations"],
-            config=snakemake.params.study,
-            schemas=Path(snakemake.params.schemas),
-        )
+    run(main, snakemake)

@@ -4,45 +4,62 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from velocal.errors import reported
 from velocal.io import storage
+from velocal.io.scripts import run
 from velocal.reporting import report
 
 
 def main(
-    files: Mapping[str, list[Path]],
-    output: Path,
     *,
+    ledgers: list[Path],
+    agreement: Path | None,
+    summary: Path | None,
+    surveys: list[Path],
+    sets: list[Path],
+    factories: list[Path],
+    figure_pngs: list[Path],
+    figure_csvs: list[Path],
+    methods_csv: Path | None,
+    methods_png: Path | None,
+    field_csv: Path | None,
+    field_pngs: list[Path],
+    outdoor_csv: Path | None,
+    outdoor_pngs: list[Path],
+    report_html: Path,
     title: str,
     simulated: bool,
     tables: Mapping[str, Any],
     figures: Mapping[str, Any],
-    factories: Mapping[str, str],
+    scanners: list[str],
+    factory_scanners: list[str],
 ) -> None:
-    """Write the report; the files are the rule's inputs by name, and any may be missing."""
+    """Write the report; whatever is missing or empty has no section.
+
+    `figures` are the entries of the configuration, in the order of the files of figures;
+    `factory_scanners` are those of the factory's files. Another of `scanners` has nominal values.
+    """
+    files = {
+        "ledgers": ledgers,
+        "agreement": [agreement] if agreement else [],
+        "summary": [summary] if summary else [],
+        "surveys": surveys,
+        "sets": sets,
+        "figures": [*figure_pngs, *figure_csvs],
+        "methods": [path for path in (methods_csv, methods_png) if path],
+        "field": [*([field_csv] if field_csv else []), *field_pngs],
+        "outdoor": [*([outdoor_csv] if outdoor_csv else []), *outdoor_pngs],
+    }
+    known = dict(zip(factory_scanners, map(str, factories), strict=True))
     study = report.read(
         files,
         title=title,
         simulated=simulated,
         tables=tables,
         figures=figures,
-        factories=factories,
+        factories={name: known.get(name, "nominal") for name in scanners},
     )
-    storage.write_text(output, report.render(study))
+    storage.write_text(report_html, report.render(study))
 
 
 if "snakemake" in globals():
-    with reported(snakemake.log[0]):
-        main(
-            {
-                # One file alone comes as itself, not in a list.
-                name: [Path(path) for path in ([found] if isinstance(found, str) else found)]
-                for name, found in snakemake.input.items()
-            },
-            Path(snakemake.output.report),
-            title=snakemake.params.study,
-            simulated=snakemake.params.simulated,
-            tables=snakemake.params.tables,
-            figures=snakemake.params.figures,
-            factories=snakemake.params.factories,
-        )
+    run(main, snakemake)

@@ -85,6 +85,10 @@ class StorageError(VelocalError):
     """A file of our own is damaged or of another kind or version."""
 
 
+class ScriptError(VelocalError):
+    """A rule of the workflow and its script do not agree on names or types."""
+
+
 @contextmanager
 def reported(log: str | Path | None = None) -> Iterator[None]:
     """Turn a `VelocalError` inside the block into its message and exit code 1.

@@ -31,9 +31,9 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
     export = {"yaml": "velodyne_decoder", "xml": "veloview"}
     average_set.main(
-        [adjustment], [tmp_path / "sa3" / "middle.covariance.csv"],
-        tmp_path / "factory.xml", files, tmp_path / "scatter.csv",
-        scanner="HDL-64E", weights="equal", positions=["P2"], export=export,
+        adjustments=[adjustment], covariances=[tmp_path / "sa3" / "middle.covariance.csv"],
+        calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
+        scanner="HDL-64E", weights="equal", samples=["sa3"], positions=["P2"], export=export,
     )  # fmt: skip
     parameters = formats.read(files["csv"], 64)
     np.testing.assert_allclose(parameters.dl, unit().dl + np.linspace(-0.01, 0.01, 64), atol=1e-15)

@@ -273,7 +273,7 @@ def fit(folder: Path, root: Path, cloud: field.Cloud, **changed) -> dict[str, Pa
               "incidence_deg": 70, "seed": 1}  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
                  "sigma_cm": 2.0, **changed}  # fmt: skip
-    main(path, None, outputs, **arguments)
+    main(medians=path, calibration=None, **outputs, **arguments)
     return outputs
 
 
@@ -302,7 +302,7 @@ def test_scripts(tmp_path, root):
 
     main = runpy.run_path(str(root / "scripts/tabulate_field.py"))["main"]
     csv, md = tmp_path / "table.csv", tmp_path / "table.md"
-    main([outputs[0]["planes"], nothing["planes"]], csv, md)
+    main(planes=[outputs[0]["planes"], nothing["planes"]], csv=csv, md=md)
     table = pd.read_csv(csv)
     assert list(table) == list(TABLE)
     assert list(table["plane"][:2]) == ["plane1", "plane2"]

@@ -177,7 +177,8 @@ def draw(tmp_path, name, chosen):
         storage.write_table(data[0], schemas.RESIDUALS, columns)
     files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
     main(
-        data, tmp_path / "summary.csv", *files,
+        data=data, summary=tmp_path / "summary.csv",
+        **dict(zip(("svg", "png", "csv"), files, strict=True)),
         selection=chosen, sigma_cm=2.0, simulated=True,
     )  # fmt: skip
     return files

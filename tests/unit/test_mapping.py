@@ -122,7 +122,11 @@ def mapped(tmp_path_factory):
     write_targets(base[1], "scanner", stated([base_targets_true(perfect, "HDL-64E")]))
     table.write(base[2], factory_parameters(perfect, "HDL-64E"))
     table.write(base[3], unit_truth(perfect, "HDL-64E").parameters)
-    map_building.main(recordings, *base, points, scanner="HDL-64E")
+    names = ("base_map", "base_scanner", "calibration", "refined")
+    map_building.main(
+        recordings=recordings, positions=list(rooms["positions"]), points=points,
+        parameter_set="true", scanner="HDL-64E", **dict(zip(names, base, strict=True)),
+    )  # fmt: skip
     return points
 
 
@@ -148,7 +152,8 @@ def test_true_parameters_give_back_the_room(mapped):
 def test_summary_and_figure(mapped, tmp_path, monkeypatch):
     def draw(name):
         files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv", "summary.csv")]
-        draw_map.main(mapped, *files, selection=SELECTION, simulated=True)
+        outputs = dict(zip(("svg", "png", "csv", "summary"), files, strict=True))
+        draw_map.main(points=mapped, **outputs, selection=SELECTION, simulated=True)
         return [path.read_bytes() for path in files], files
 
     first, files = draw("first")

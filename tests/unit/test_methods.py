@@ -255,19 +255,24 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
             }
             for k, row in enumerate(first)
         ]  # fmt: skip
-        storage.write_json(tmp_path / f"{name.upper()}.json", {"planes": planes})
+        storage.write_json(
+            tmp_path / f"{name.upper()}.json", {"position": name.upper(), "planes": planes}
+        )
     adjustment = {"noise_cm": 1.0, "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
     seen = []
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
         outputs = {k: tmp_path / folder / f"comparison.{k}" for k in ("csv", "md", "svg", "png")}
         main(
-            assigned,
-            [tmp_path / "A.json", tmp_path / "B.json"],
-            None,
-            None,
-            outputs,
-            samples={"calibration": {"a": "A"}, "other": {"b": "B"}},
+            assigned=assigned,
+            surveys=[tmp_path / "A.json", tmp_path / "B.json"],
+            calibration=None,
+            truth=None,
+            **outputs,
+            samples=["a", "b"],
+            positions=["A", "B"],
+            calibrate_on=["a"],
+            check_on=["b"],
             scanner=scanner.name,
             adjustment=adjustment,
             sigma_cm=2.0,

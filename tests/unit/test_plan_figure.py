@@ -140,8 +140,10 @@ def test_panels_share_axes_and_scale(numbers):
 def test_bytes_depend_on_nothing_but_the_data(views, tmp_path, monkeypatch):
     def draw(name):
         files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
+        names = ("medians", "surveys", "targets", "svg", "png", "csv")
         draw_plan.main(
-            *views, None, *files, selection=SELECTION, gates=GATES, simulated=True
+            **dict(zip(names, (*views, *files), strict=True)), calibration=None,
+            samples=SELECTION["samples"], selection=SELECTION, gates=GATES, simulated=True,
         )  # fmt: skip
         return [path.read_bytes() for path in files]
 

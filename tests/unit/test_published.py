@@ -160,7 +160,10 @@ def test_script(tmp_path):
     }
     storage.write_csv(tmp_path / "accuracy.csv", accuracy)
     facts, output = [tmp_path / "facts.csv"], tmp_path / "agreement.csv"
-    main(tmp_path / "summary.csv", parts, surveys, tmp_path / "accuracy.csv", facts, output)
+    main(
+        summary=tmp_path / "summary.csv", tables=parts, surveys=surveys,
+        accuracy=tmp_path / "accuracy.csv", facts=facts, agreement=output,
+    )  # fmt: skip
     lines = output.read_text().splitlines()
     assert lines[0] == "item,paper,reproduced,difference,tolerance,within"
     assert len(lines) == 1 + 3 * len(ROWS) + len(said)

@@ -238,16 +238,21 @@ def test_script_reads_what_is_there(tmp_path):
     calibration_table.write(of_set, FACTORY, {"dl": np.full(32, 0.001)})
     files = {
         "ledgers": [tmp_path / "recordings/sa5/ledger.json"],
-        "summary": [tmp_path / "summary.csv"],
-        "agreement": [tmp_path / "agreement.csv"],
+        "summary": tmp_path / "summary.csv",
+        "agreement": tmp_path / "agreement.csv",
         "surveys": [tmp_path / "P5.json"],
-        "figures": [drawn, drawn.with_suffix(".csv")],
+        "figure_pngs": [drawn],
+        "figure_csvs": [drawn.with_suffix(".csv")],
         "sets": [of_set],
-        "field": [],
+        "factories": [],
+        "field_pngs": [],
+        "outdoor_pngs": [],
     }
+    files |= dict.fromkeys(("methods_csv", "methods_png", "field_csv", "outdoor_csv"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
-    common |= {"figures": {"16": FULL.figures[0].selection}, "factories": {"HDL-32E": "nominal"}}
-    main(files, tmp_path / "report.html", **common)
+    common |= {"figures": {"16": FULL.figures[0].selection}, "scanners": ["HDL-32E"]}
+    common["factory_scanners"] = []
+    main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()
     ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
     assert ids == [

@@ -128,15 +128,15 @@ def test_errors_name_what_is_missing():
 
 def test_script_writes_rounded_csv(tmp_path):
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
-    paths = [tmp_path / f"table.{suffix}" for suffix in ("csv", "md", "tex")]
-    arguments = {"number": "2", "selection": TABLES["2"], "simulated": True}
-    main(tmp_path / "summary.csv", *paths, **arguments)
-    rows = list(csv.DictReader(io.StringIO(paths[0].read_text())))
+    paths = {suffix: tmp_path / f"table.{suffix}" for suffix in ("csv", "md", "tex")}
+    arguments = {"table": "2", "selection": TABLES["2"], "simulated": True}
+    main(summary=tmp_path / "summary.csv", **paths, **arguments)
+    rows = list(csv.DictReader(io.StringIO(paths["csv"].read_text())))
     assert len(rows) == 12
     assert list(rows[0]) == list(tables.COLUMNS)
     for row in rows:
         assert len(row["std_cm"].split(".")[1]) == 2
         assert len(row["within_1sigma_pct"].split(".")[1]) == 1
-    first = [path.read_bytes() for path in paths]
-    main(tmp_path / "summary.csv", *paths, **arguments)
-    assert [path.read_bytes() for path in paths] == first
+    first = [path.read_bytes() for path in paths.values()]
+    main(summary=tmp_path / "summary.csv", **paths, **arguments)
+    assert [path.read_bytes() for path in paths.values()] == first

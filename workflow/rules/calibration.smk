@@ -44,7 +44,7 @@ rule adjust_lasers:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        adjustment=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
+        config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
         library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
@@ -54,11 +54,11 @@ rule average_set:
     input:
         adjustments=lambda wildcards: per_window(
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
-            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+            samples_of_set(wildcards),
         ),
         covariances=lambda wildcards: per_window(
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
-            STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set],
+            samples_of_set(wildcards),
         ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
@@ -73,12 +73,8 @@ rule average_set:
         "../../environment.yml"
     params:
         weights=config.get("adjustment", {}).get("average", "equal"),
-        positions=lambda wildcards: [
-            STUDY.samples[name].position
-            for name in STUDY.parameter_sets[wildcards.scanner][
-                wildcards.parameter_set
-            ]
-        ],
+        samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
+        positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
         export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
         library=library("average_set"),
     script:

@@ -74,6 +74,20 @@ def per_window(pattern, samples):
     ]
 
 
+def samples_per_window(samples):
+    """Samples of the paths of `per_window`, one each."""
+    return [name for name in samples for _ in STUDY.samples[name].windows]
+
+
+def positions_per_window(samples):
+    """Positions of the paths of `per_window`, one each."""
+    return [STUDY.samples[name].position for name in samples_per_window(samples)]
+
+
+def samples_of_set(wildcards):
+    return STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set]
+
+
 def set_files(suffixes=("csv", "yaml", "xml")):
     return [
         f"{RESULTS}/parameter_sets/{scanner}/{name}.{suffix}"

@@ -40,7 +40,8 @@ rule draw_plan:
     conda:
         "../../environment.yml"
     params:
-        figure=lambda wildcards: PLANS[wildcards.figure],
+        samples=lambda wildcards: PLANS[wildcards.figure]["samples"],
+        selection=lambda wildcards: PLANS[wildcards.figure],
         gates=config.get("assignment", {}).get("gates"),
         simulated=bool(WORLD),
         library=library("draw_plan"),
@@ -50,16 +51,17 @@ rule draw_plan:
 
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
+    PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
 
     ruleorder: draw_map > draw_figure
 
     rule simulate_building:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recordings=expand(
                 f"{RESULTS}/map/recordings/{{place}}.bin",
-                place=read_yaml(Path(WORLD)).get("building", {}).get("positions", {}),
+                place=PLACES,
             ),
             base=f"{RESULTS}/map/base_map.csv",
         log:
@@ -67,6 +69,7 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
+            positions=PLACES,
             library=library("simulate_building"),
         script:
             "../../scripts/simulate_building.py"
@@ -85,6 +88,8 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
+            positions=PLACES,
+            parameter_set=MAP["set"],
             scanner=MAP["scanner"],
             library=library("map_building"),
         script:
@@ -103,7 +108,7 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
-            figure=MAP,
+            selection=MAP,
             simulated=bool(WORLD),
             library=library("draw_map"),
         script:

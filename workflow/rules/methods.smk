@@ -9,12 +9,14 @@
 #       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
 #                                                intervals cover the truth (Monte Carlo)
 
+METHOD_SAMPLES = [*METHODS.get("calibration", []), *METHODS.get("other", [])]
+
 
 rule compare_methods:
     input:
         assigned=per_window(
             f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-            [*METHODS.get("calibration", []), *METHODS.get("other", [])],
+            METHOD_SAMPLES,
         ),
         surveys=[
             f"{RESULTS}/survey/{position}.json"
@@ -37,12 +39,10 @@ rule compare_methods:
     conda:
         "../../environment.yml"
     params:
-        samples={
-            kind: {
-                name: STUDY.samples[name].position for name in METHODS.get(kind, [])
-            }
-            for kind in ("calibration", "other")
-        },
+        samples=samples_per_window(METHOD_SAMPLES),
+        positions=positions_per_window(METHOD_SAMPLES),
+        calibrate_on=METHODS.get("calibration", []),
+        check_on=METHODS.get("other", []),
         scanner=METHODS.get("scanner"),
         adjustment=STUDY.adjustment(METHODS.get("scanner")),
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
@@ -56,7 +56,7 @@ if WORLD:
 
     rule coverage:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             coverage=f"{RESULTS}/methods/coverage.csv",
         log:

@@ -20,7 +20,7 @@ if WORLD:
 
     rule simulate_outdoor:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
         log:
@@ -28,6 +28,7 @@ if WORLD:
         conda:
             "../../environment.yml"
         params:
+            sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
             rotations=OUTDOOR.get("rotations"),
@@ -54,7 +55,10 @@ rule measure_panels:
         "../../environment.yml"
     params:
         sample=lambda wildcards: vars(outdoor_sample(wildcards)),
-        panels=OUTDOOR.get("panels"),
+        set_names=lambda wildcards: list(
+            STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
+        ),
+        boxes=OUTDOOR.get("panels"),
         fit=OUTDOOR.get("fit"),
         library=library("measure_panels"),
     script:
@@ -74,7 +78,7 @@ rule summarise_outdoor:
     conda:
         "../../environment.yml"
     params:
-        figures=OUTDOOR_FIGURES,
+        selections=OUTDOOR_FIGURES,
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
         library=library("summarise_outdoor"),

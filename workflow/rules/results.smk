@@ -19,8 +19,7 @@ rule make_table:
     conda:
         "../../environment.yml"
     params:
-        number=lambda wildcards: wildcards.table,
-        table=lambda wildcards: config["tables"][wildcards.table],
+        selection=lambda wildcards: config["tables"][wildcards.table],
         simulated=bool(WORLD),
         library=library("make_table"),
     script:
@@ -59,7 +58,7 @@ rule draw_figure:
     conda:
         "../../environment.yml"
     params:
-        figure=lambda wildcards: FIGURES[wildcards.figure],
+        selection=lambda wildcards: FIGURES[wildcards.figure],
         sigma_cm=config.get("validation", {}).get("sigma_cm"),
         simulated=bool(WORLD),
         library=library("draw_figure"),
@@ -73,8 +72,6 @@ rule write_report:
             f"{RESULTS}/recordings/{{sample}}/ledger.json",
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
-        tables=table_files(["csv"]),
-        figures=figure_files(["png", "csv"]),
         agreement=(
             f"{RESULTS}/published/agreement.csv"
             if config.get("compare_with_paper")
@@ -84,21 +81,31 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
         factories=[path for path in STUDY.factories.values() if path != "nominal"],
-        methods=method_files(["csv", "png"]),
-        field=[f for f in field_files() if not f.endswith("svg")],
-        outdoor=[f for f in outdoor_files() if not f.endswith("svg")],
+        figure_pngs=figure_files(["png"]),
+        figure_csvs=figure_files(["csv"]),
+        methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
+        methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
+        field_csv=f"{RESULTS}/field/table.csv" if STUDY.field else [],
+        field_pngs=expand(f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field),
+        outdoor_csv=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
+        outdoor_pngs=expand(
+            f"{RESULTS}/figures/figure_{{number}}.png", number=OUTDOOR_FIGURES
+        ),
     output:
-        report=f"{RESULTS}/report.html",
+        report_html=f"{RESULTS}/report.html",
     log:
         f"{RESULTS}/logs/write_report.log",
     conda:
         "../../environment.yml"
     params:
-        study=config["study"],
+        title=config["study"],
         simulated=bool(WORLD),
         tables=config.get("tables", {}),
         figures=FIGURES,
-        factories=STUDY.factories,
+        scanners=list(STUDY.factories),
+        factory_scanners=[
+            name for name, path in STUDY.factories.items() if path != "nominal"
+        ],
         library=library("write_report"),
     script:
         "../../scripts/write_report.py"

@@ -14,7 +14,7 @@ if WORLD and SEEDS:
 
     rule replicate_study:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             agreement=f"{RESULTS}/seeds/{{seed}}.csv",
         log:
@@ -22,7 +22,7 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
-            study=config,
+            config=config,
             rotations=SEEDS["rotations"],
             schemas=str(WORKFLOW / "schemas"),
             library=library("replicate_study"),
@@ -41,13 +41,14 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
+            seeds=list(range(1, SEEDS["count"] + 1)),
             library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"
 
     rule tune_world:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             constants=f"{RESULTS}/seeds/constants.csv",
         log:
@@ -55,9 +56,10 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
-            study=config,
+            config=config,
             rotations=SEEDS["rotations"],
-            tuning={"seeds": 2, "iterations": 2},
+            seeds=2,
+            iterations=2,
             schemas=str(WORKFLOW / "schemas"),
             library=library("tune_world"),
         script:

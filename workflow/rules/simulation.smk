@@ -13,7 +13,7 @@ if WORLD:
 
     rule simulate_recording:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
         log:
@@ -30,7 +30,7 @@ if WORLD:
 
     rule simulate_factory:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             factory=f"{RESULTS}/simulation/factory/{{scanner}}.xml",
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
@@ -45,7 +45,7 @@ if WORLD:
 
     rule simulate_survey:
         input:
-            world=WORLD,
+            world_file=WORLD,
         output:
             points=f"{RESULTS}/simulation/survey/points.csv",
             network=f"{RESULTS}/simulation/survey/network.csv",

@@ -16,7 +16,11 @@ if STUDY.observations:
 
     rule adjust_network:
         input:
-            **STUDY.observations,
+            points=STUDY.observations["points"],
+            network=STUDY.observations["network"],
+            images=STUDY.observations.get("images", []),
+            base_sights=STUDY.observations["base_sights"],
+            base_readings=STUDY.observations["base_readings"],
         output:
             control=f"{RESULTS}/survey/control.csv",
             planes=SURVEY["planes"],
@@ -65,7 +69,7 @@ rule adjust_survey:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
-        planes=config.get("assignment", {}).get("planes"),
+        names=config.get("assignment", {}).get("planes"),
         library=library("adjust_survey"),
     script:
         "../../scripts/adjust_survey.py"

@@ -47,6 +47,9 @@ rule residuals_validation:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        set_names=lambda wildcards: list(
+            STUDY.parameter_sets[sample_of(wildcards).scanner]
+        ),
         gates=config.get("assignment", {}).get("gates"),
         validation=config.get("validation"),
         library=library("residuals_validation"),

@@ -1,0 +1,210 @@
+"""What a script of the workflow gets from its rule: named arguments of the types that it states.
+
+The function `main` of a script takes the rule's inputs, outputs and params by name, and those of
+the job's wildcards that it needs. Its annotations say what each becomes. A name that only one of
+the two sides knows, and a value of another type, is one `ScriptError` before anything is computed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
+
+from velocal.errors import ScriptError, reported
+
+#: Params that tell Snakemake when to run a job again; no script takes them.
+TRIGGERS = frozenset({"library"})
+
+
+class Named(Protocol):
+    """Part of a job: values by name."""
+
+    def items(self) -> Iterable[tuple[str, Any]]:
+        """Pairs of name and value."""
+        ...
+
+
+class Job(Protocol):
+    """What Snakemake gives to a script as the global name ``snakemake``."""
+
+    rule: str
+    input: Named
+    output: Named
+    params: Named
+    wildcards: Named
+    log: Sequence[str]
+
+
+def run(main: Callable[..., None], job: Job) -> None:
+    """Call the `main` of a script with what its rule gives.
+
+    An error of the family `VelocalError` becomes its message in the job's log and on standard
+    error, and exit code 1.
+
+    Parameters
+    ----------
+    main : callable
+        Takes keyword-only arguments, named as the rule's inputs, outputs and params and as
+        wildcards, each with an annotation.
+    job : Job
+        The object ``snakemake`` of the script.
+    """
+    with reported(job.log[0] if job.log else None):
+        main(**arguments(main, job))
+
+
+def arguments(main: Callable[..., None], job: Job) -> dict[str, Any]:
+    """Take the arguments of `main` from a job, converted by its annotations.
+
+    Parameters
+    ----------
+    main : callable
+    job : Job
+
+    Returns
+    -------
+    dict of str to object
+
+    Raises
+    ------
+    ScriptError
+        If the names of the rule and of `main` differ, or a value does not fit its annotation.
+    """
+    parts = {
+        "input": dict(job.input.items()),
+        "output": dict(job.output.items()),
+        "param": {k: v for k, v in job.params.items() if k not in TRIGGERS},
+    }
+    wildcards = dict(job.wildcards.items())
+    faults = disagreements(main, parts, wildcards)
+    if faults:
+        raise ScriptError("; ".join(faults), where=f"rule {job.rule}")
+    given = {**wildcards, **parts["input"], **parts["output"], **parts["param"]}
+    types = get_type_hints(main)
+    return {
+        name: convert(given[name], types[name], f"rule {job.rule}, {name!r}")
+        for name in inspect.signature(main).parameters
+    }
+
+
+def disagreements(
+    main: Callable[..., None],
+    parts: Mapping[str, Collection[str]],
+    wildcards: Collection[str],
+) -> list[str]:
+    """Compare the names of a rule with the arguments of a script.
+
+    Parameters
+    ----------
+    main : callable
+    parts : mapping of str to collection of str
+        Names that `main` has to take, by what they are: "input", "output", "param".
+    wildcards : collection of str
+        Names that `main` may take: they also serve to tell jobs apart.
+
+    Returns
+    -------
+    list of str
+        One sentence per fault; empty if both sides agree.
+    """
+    faults = []
+    takes = inspect.signature(main).parameters
+    for name, parameter in takes.items():
+        if parameter.kind is not parameter.KEYWORD_ONLY:
+            faults.append(f"main takes {name!r} by position, not by name only")
+        if parameter.annotation is parameter.empty:
+            faults.append(f"main states no type of {name!r}")
+    kinds = [(name, kind) for kind, names in parts.items() for name in names]
+    kinds += [(name, "wildcard") for name in wildcards]
+    given: dict[str, str] = {}
+    for name, kind in kinds:
+        if name in given:
+            faults.append(f"{name!r} is both {given[name]} and {kind} of the rule")
+        given.setdefault(name, kind)
+        if kind != "wildcard" and name not in takes:
+            faults.append(f"main does not take the {kind} {name!r} of the rule")
+    missing = takes.keys() - given.keys()
+    faults += [f"the rule does not give {name!r}, which main takes" for name in missing]
+    return sorted(faults)
+
+
+def convert(value: Any, type_: Any, where: str) -> Any:
+    """Convert a value of a job to the type that an annotation states.
+
+    Parameters
+    ----------
+    value : object
+        Path or paths as text, text of a wildcard, or any value of a param.
+    type_ : type
+        ``Path``, ``str``, ``int``, ``float``, ``bool``, ``Any``; a class with the class method
+        ``model_validate``; a list, tuple, sequence or mapping of these; each of them ``| None``,
+        where no file (an empty list) is None too.
+    where : str
+        Argument, for errors.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    ScriptError
+        If the value does not fit, or the annotation is none of these.
+    """
+    origin, inner = get_origin(type_), get_args(type_)
+    if type_ is Any:
+        return value
+    if origin in (Union, UnionType):
+        (some,) = [each for each in inner if each is not NoneType]
+        empty = value is None or (not isinstance(value, (str, Mapping)) and _is_empty(value))
+        return None if empty else convert(value, some, where)
+    if (origin or type_) in (list, tuple, Sequence):
+        # Snakemake gives one file alone as itself.
+        items = [value] if isinstance(value, str) else value
+        if not isinstance(items, Sequence):
+            raise _misfit(value, "a list", where)
+        of = inner[0] if inner else Any
+        converted = [convert(item, of, where) for item in items]
+        return tuple(converted) if origin is tuple else converted
+    if (origin or type_) in (dict, Mapping):
+        if not isinstance(value, Mapping):
+            raise _misfit(value, "a mapping", where)
+        of = inner[1] if inner else Any
+        return {key: convert(item, of, where) for key, item in value.items()}
+    if type_ is Path:
+        if not isinstance(value, (str, Path)):
+            raise _misfit(value, "one path", where)
+        return Path(value)
+    if hasattr(type_, "model_validate"):
+        try:
+            return type_.model_validate(value)
+        except ValueError as error:
+            raise ScriptError(str(error), where=where) from None
+    return _scalar(value, type_, where)
+
+
+def _is_empty(value: Any) -> bool:
+    return isinstance(value, Sequence) and not value
+
+
+def _scalar(value: Any, type_: Any, where: str) -> Any:
+    """Convert to text, a number or a truth value; wildcards are text, so text may be a number."""
+    if type_ is str and isinstance(value, str):
+        return str(value)
+    if type_ is bool and isinstance(value, bool):
+        return value
+    if type_ in (int, float) and not isinstance(value, bool):
+        try:
+            number = type_(value)
+        except (TypeError, ValueError):
+            raise _misfit(value, type_.__name__, where) from None
+        if isinstance(value, str) or number == value:
+            return number
+    raise _misfit(value, getattr(type_, "__name__", str(type_)), where)
+
+
+def _misfit(value: Any, expected: str, where: str) -> ScriptError:
+    return ScriptError(f"{value!r} does not fit", where=where, allowed=expected)

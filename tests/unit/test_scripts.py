@@ -1,0 +1,122 @@
+"""From a job's values to the arguments of a script."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from velocal.errors import ConfigError, ScriptError
+from velocal.io.scripts import arguments, convert, run
+
+
+class Limits(BaseModel):
+    distance_cm: float
+
+
+def job(log=(), **parts):
+    every = {"input": {}, "output": {}, "params": {}, "wildcards": {}} | parts
+    return SimpleNamespace(rule="r", log=list(log), **every)
+
+
+@pytest.mark.parametrize(
+    ("value", "type_", "expected"),
+    [
+        ("a/b.csv", Path, Path("a/b.csv")),
+        ("a/b.csv", Path | None, Path("a/b.csv")),
+        ([], Path | None, None),
+        (["a", "b"], list[Path], [Path("a"), Path("b")]),
+        ("a", list[Path], [Path("a")]),
+        ([], list[Path], []),
+        ("12", int, 12),
+        (3, int, 3),
+        (None, int | None, None),
+        (0, int | None, 0),
+        (2, float, 2.0),
+        ("sa1", str, "sa1"),
+        (False, bool, False),
+        ({}, Mapping[str, Any] | None, {}),
+        ({"a": "b"}, dict[str, Path], {"a": Path("b")}),
+        (("a", "b"), tuple[str, ...], ("a", "b")),
+        ({"distance_cm": 25}, Limits, Limits(distance_cm=25.0)),
+        (Limits(distance_cm=1.0), Limits, Limits(distance_cm=1.0)),
+        ({"a": {"distance_cm": 1}}, Mapping[str, Limits], {"a": Limits(distance_cm=1.0)}),
+        ([1, "x"], Any, [1, "x"]),
+    ],
+)
+def test_values_become_what_the_annotation_says(value, type_, expected):
+    found = convert(value, type_, "here")
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("value", "type_"),
+    [
+        (["a", "b"], Path),
+        ([], Path),
+        (None, Path),
+        (1.5, int),
+        ("x", int),
+        (True, int),
+        (1, bool),
+        (None, str),
+        (3, str),
+        (3, list[Path]),
+        ("a", Mapping[str, Any]),
+        ({"distance": 1}, Limits),
+        (1, complex),
+    ],
+)
+def test_what_does_not_fit_is_an_error(value, type_):
+    with pytest.raises(ScriptError, match="here: "):
+        convert(value, type_, "here")
+
+
+def main(*, data: Path, table: Path, seed: int) -> None:
+    """Of a script."""
+    raise ConfigError(f"{data} {table} {seed}")
+
+
+PARTS = {
+    "input": {"data": "in.csv"},
+    "output": {"table": "out.csv"},
+    "params": {"library": "0123"},
+    "wildcards": {"seed": "7", "other": "x"},
+}
+
+
+def test_names_of_all_four_kinds_and_no_digest():
+    expected = {"data": Path("in.csv"), "table": Path("out.csv"), "seed": 7}
+    assert arguments(main, job(**PARTS)) == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"input": {}}, "rule r: the rule does not give 'data', which main takes"),
+        ({"params": {"more": 1}}, "main does not take the param 'more' of the rule"),
+        ({"params": {"data": 1}}, "'data' is both input and param of the rule"),
+        ({"params": {"seed": 1}}, "'seed' is both param and wildcard of the rule"),
+    ],
+)
+def test_names_that_differ_are_an_error(change, message):
+    with pytest.raises(ScriptError, match=message):
+        arguments(main, job(**(PARTS | change)))
+
+
+def test_a_positional_argument_is_an_error():
+    def positional(data: Path, *, table: Path, seed: int) -> None: ...
+
+    with pytest.raises(ScriptError, match="main takes 'data' by position"):
+        arguments(positional, job(**PARTS))
+
+
+def test_an_error_is_one_message_in_the_log(tmp_path, capsys):
+    log = tmp_path / "log"
+    with pytest.raises(SystemExit) as stopped:
+        run(main, job(log=[str(log)], **PARTS))
+    assert stopped.value.code == 1
+    assert log.read_text() == "Error: in.csv out.csv 7\n" == capsys.readouterr().err

@@ -1,0 +1,90 @@
+"""Every rule and its script: the same names on both sides, and files below the results only."""
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+from snakemake.api import SnakemakeApi
+from snakemake.settings.types import OutputSettings, Quietness, ResourceSettings
+from workflow.running import ROOT
+
+from velocal.io.scripts import TRIGGERS, disagreements
+
+RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
+
+
+@pytest.fixture(scope="module")
+def rules(tmp_path_factory):
+    """Rules of the study, which has every optional stage, by name."""
+    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
+        loaded = api.workflow(
+            resource_settings=ResourceSettings(cores=1),
+            snakefile=ROOT / "workflow/Snakefile",
+            workdir=ROOT,
+        )
+        return {rule.name: rule for rule in loaded._workflow.rules}
+
+
+def faults(rule, main):
+    names = {
+        part: set(values.keys()) - TRIGGERS
+        for part, values in (("input", rule.input), ("output", rule.output), ("param", rule.params))
+    }
+    return disagreements(main, names, rule.wildcard_names)
+
+
+def main_of(name):
+    return importlib.import_module(name).main
+
+
+def written():
+    """Names of rules in the text of all files of rules."""
+    return re.findall(
+        r"^ *(?:use )?rule (\w+)(?: from .*| as \w+ with)?:",
+        "\n".join(path.read_text() for path in RULES),
+        flags=re.MULTILINE,
+    )
+
+
+def test_all_rules_are_looked_at(rules):
+    """A rule that only another configuration has would escape the next test."""
+    assert set(rules) - {"all"} == set(written())
+    assert len(written()) > 30
+
+
+@pytest.mark.parametrize("name", written())
+def test_rule_and_script_have_the_same_names(rules, name):
+    rule = rules[name]
+    assert faults(rule, main_of(Path(rule.script).stem)) == []
+
+
+@pytest.mark.parametrize("name", written())
+def test_nothing_comes_by_position(rules, name):
+    for values in (rules[name].input, rules[name].output, rules[name].params):
+        assert all(key is not None for key, _ in values._allitems())
+
+
+def test_a_name_on_one_side_is_found(rules):
+    rule = rules["adjust_survey"]
+
+    def lacks(*, planes: Path, base_scanner: Path, base_field: Path, survey: Path) -> None: ...
+
+    found = faults(rule, lacks)
+    assert "main does not take the input 'covariance' of the rule" in found
+    assert "main does not take the param 'names' of the rule" in found
+    assert not any("position" in fault for fault in found)
+
+    source = inspect.signature(main_of("adjust_survey"))
+    more = source.parameters["scanner"].replace(name="colour")
+
+    def main(**arguments): ...
+
+    main.__signature__ = source.replace(parameters=[*source.parameters.values(), more])
+    assert faults(rule, main) == ["the rule does not give 'colour', which main takes"]
+
+
+def test_every_script_has_a_rule(rules):
+    used = {Path(rule.script).name for rule in rules.values() if rule.script}
+    assert used == {path.name for path in (ROOT / "scripts").glob("*.py")}

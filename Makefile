@@ -31,8 +31,8 @@ results: $(INSTALLED) ## run the study: tables, figures, parameter sets and repo
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
 	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv
 
-field: $(INSTALLED) ## run the workflow on recordings without a survey (config/field.yaml)
-	$(RUN) snakemake --cores $(CORES) --configfile config/field.yaml
+field: $(INSTALLED) ## run the workflow on recordings without a survey (config/unsurveyed.yaml)
+	$(RUN) snakemake --cores $(CORES) --configfile config/unsurveyed.yaml
 
 test: lint ## run all checks and tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \

@@ -1,14 +1,13 @@
 """Find the surveyed plane that every median lies on."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import assigned_scan
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Limits
 from velocal.survey.station import patches_of
 
 
@@ -19,7 +18,7 @@ def main(
     calibration: Path | None,
     assigned: Path,
     scanner: str,
-    gates: Mapping[str, float],
+    limits: Limits,
 ) -> None:
     """Write the medians that lie on a plane as Parquet."""
     known = scanner_named(scanner)
@@ -32,7 +31,7 @@ def main(
         facts["rotation_rate_hz"],
         parameters,
         patches,
-        Gates.from_config(gates),
+        limits.gates(),
     )
     storage.write_table(
         assigned,

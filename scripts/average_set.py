@@ -1,6 +1,5 @@
 """Average the adjustments of samples and windows to a parameter set, and export it."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from velocal import __version__
@@ -13,6 +12,7 @@ from velocal.calibration.files.document import Calibration
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Export
 
 
 def main(
@@ -29,7 +29,7 @@ def main(
     samples: list[str],
     positions: list[str],
     weights: str,
-    export: Mapping[str, str],
+    export: Export,
 ) -> None:
     """Write the set in every format; `samples` and `positions` are those of every adjustment."""
     pairs = zip(adjustments, covariances, strict=True)
@@ -52,7 +52,10 @@ def main(
         covariance=average_covariance(grouped, weights, places),
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
-    others = {k: Calibration(exported(parameters, d), d, tick_m=tick_m) for k, d in export.items()}
+    others = {
+        suffix: Calibration(exported(parameters, program), program, tick_m=tick_m)
+        for suffix, program in (("yaml", export.yaml), ("xml", export.xml))
+    }
     for suffix, path in {"csv": csv, "json": json, "yaml": yaml, "xml": xml}.items():
         formats.write(path, others.get(suffix, found))
     storage.write_csv(scatter, scatter_table(means["equal"], means["covariance"], ADJUSTABLE_UNITS))

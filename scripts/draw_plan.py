@@ -9,10 +9,10 @@ import pandas as pd
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import Gates
 from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Limits
 from velocal.survey.station import patches_of, pose_of
 from velocal.survey.targets import read_targets
 
@@ -28,7 +28,7 @@ def main(
     csv: Path,
     samples: list[str],
     selection: Mapping[str, Any],
-    gates: Mapping[str, float],
+    limits: Limits,
     simulated: bool,
 ) -> None:
     """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample.
@@ -37,7 +37,7 @@ def main(
     """
     scanner = scanner_named(selection["scanner"])
     parameters = read_or_nominal(calibration, scanner)
-    surveyed, limits = read_targets(targets, "plane"), Gates.from_config(gates)
+    surveyed = read_targets(targets, "plane")
     panels = []
     for sample, path, survey in zip(samples, medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
@@ -45,7 +45,7 @@ def main(
         rate, at = facts["rotation_rate_hz"], station["position"]
         patches, pose = patches_of(station), pose_of(station)
         view = plan_figure.View(at, sample, scanner, rate, columns, parameters, patches, pose)
-        panels.append(plan_figure.plan(view, surveyed, limits))
+        panels.append(plan_figure.plan(view, surveyed, limits.gates()))
     numbers = pd.concat(panels, ignore_index=True)
     figures.save(plan_figure.draw_plan(numbers, selection, simulated=simulated), svg, png)
     storage.write_csv(csv, numbers)

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from velocal.calibration.files import formats
@@ -13,6 +13,8 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.returns import read_short
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Panel, PanelFit
+from velocal.study.samples import OutdoorSample
 
 
 def main(
@@ -22,13 +24,13 @@ def main(
     sets: list[Path],
     ledger: Path,
     panels: Path,
-    sample: Mapping[str, Any],
+    sample: OutdoorSample,
     set_names: list[str],
-    boxes: Mapping[str, Any],
-    fit: Mapping[str, float],
+    boxes: Mapping[str, Panel],
+    fit: PanelFit,
 ) -> None:
     """Write the ledger as JSON and the standard deviations of s as CSV."""
-    known = scanner_named(sample["scanner"])
+    known = scanner_named(sample.scanner)
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
@@ -36,9 +38,9 @@ def main(
     candidates |= {
         name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
     }
-    place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
-    planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
-    heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
+    place = outdoor.Panels(sample.distance_m, np.deg2rad(sample.azimuth_deg), boxes, fit.depth_m)
+    planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample.name!r}")
+    heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
     rows = [heading | row for row in outdoor.panel_rows(cloud, planes, candidates)]
     storage.write_csv(panels, pd.DataFrame(rows))
     facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}

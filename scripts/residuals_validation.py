@@ -1,16 +1,14 @@
 """Residuals of single scans with the factory's parameters and with every parameter set."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from velocal.calibration.files import formats
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import Gates
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Limits, Validation
 from velocal.survey.station import observations, patches_of
 
 
@@ -25,24 +23,23 @@ def main(
     window: str,
     scanner: str,
     set_names: list[str],
-    gates: Mapping[str, float],
-    validation: Mapping[str, Any],
+    limits: Limits,
+    validation: Validation,
 ) -> None:
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
     patches = patches_of(storage.read_json(survey))
     columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
-    scan = first_rotations(columns, validation["rotations"])
-    limits = Gates.from_config(gates)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits)
+    scan = first_rotations(columns, validation.rotations)
+    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits.gates())
     data = observations(rows, patches)
     candidates = {"before": factory} | {
         name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
     }
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
     s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
-    sigma_m = validation["sigma_cm"] * 1e-2
+    sigma_m = validation.sigma_cm * 1e-2
     table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
     storage.write_csv(statistics, table)
 

@@ -7,7 +7,6 @@ from velocal.calibration.files import velocal_csv as table
 from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.study.sheets import read_yaml
 
 
 def main(
@@ -18,7 +17,7 @@ def main(
     scanner: str,
 ) -> None:
     """Write db.xml of the factory, and the true parameters as CSV."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     formats.write(factory, factory_parameters(simulated, scanner))
     table.write(truth, unit_truth(simulated, scanner).parameters)
 

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from velocal.adjustment import settings, tabulate
+from velocal.adjustment import tabulate
 from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, joined
 from velocal.adjustment.solvers import PaperLiteral, PaperModel, System, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
+from velocal.study.config import Adjustment
+from velocal.study.model import validated
 
 RNG = np.random.default_rng(1)
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}
@@ -126,10 +128,11 @@ def test_table_of_covariances_sums_its_sources():
 
 def test_settings():
     config = {"method": "paper", "truncate_at": None, "noise_cm": 2, "prior": {"v_deg": 90}}
-    assert settings.solver(config) == PaperModel(None)
-    assert settings.stochastic(config) == Stochastic(0.02, {"v": np.pi / 2})
-    with pytest.raises(ConfigError, match="allowed: prior, paper"):
-        settings.solver({"method": "magic"})
+    chosen = validated(Adjustment, config | {"parameters": ["v"]}, "config")
+    assert chosen.solver() == PaperModel(None)
+    assert chosen.stochastic() == Stochastic(0.02, {"v": np.pi / 2})
+    with pytest.raises(ConfigError, match=r"method: 'magic' \(allowed: prior, paper"):
+        validated(Adjustment, config | {"parameters": ["v"], "method": "magic"}, "config")
 
 
 def test_parameters_have_their_order():

@@ -15,6 +15,7 @@ from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import TABLE, field_markdown, field_planes
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
+from velocal.study.config import Box, PlaneSearch
 
 SCANNER = scanner_named("HDL-32E")
 SEARCH = field.Search(
@@ -62,8 +63,8 @@ def together(*clouds: field.Cloud) -> field.Cloud:
 def test_patch_points():
     xyz = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2], [1, 1, 9]])
     box = {"x_m": [1.0, 3.0], "y_m": [3.0, 0.5], "z_m": [0.0, 2.0]}
-    np.testing.assert_array_equal(field.patch_points(xyz, box), [1, 2])
-    assert len(field.patch_points(xyz, {**box, "x_m": [5.0, 6.0]})) == 0
+    np.testing.assert_array_equal(field.patch_points(xyz, Box(**box)), [1, 2])
+    assert len(field.patch_points(xyz, Box(**{**box, "x_m": [5.0, 6.0]}))) == 0
 
 
 def test_planes_of_a_room():
@@ -182,7 +183,7 @@ def test_offsets_of_lasers_are_not_trimmed():
     rng = np.random.default_rng(2)
     offsets = rng.normal(0.0, 0.08, 32)
     cloud = scan([WALL], offsets=offsets)
-    rows = field.patch_points(cloud.xyz, {"x_m": [-3, 3], "y_m": [4, 6], "z_m": [-2, 2]})
+    rows = field.patch_points(cloud.xyz, Box(x_m=(-3, 3), y_m=(4, 6), z_m=(-2, 2)))
     plane = field.fit_robustly("wall", cloud, rows, SEARCH)
     assert plane.trimmed < 0.015 * len(rows)
     medians = {"count": np.full(len(cloud.phi), 9), "spread": np.full(len(cloud.phi), 2.0)}
@@ -211,7 +212,8 @@ def test_patches():
         "air": {"x_m": [1, 2], "y_m": [1, 2], "z_m": [0, 1]},
         "crumb": {"x_m": [0, 0.1], "y_m": [4.5, 5.5], "z_m": [-1, 1]},
     }
-    planes, findings = field_search.planes_of(cloud, patches, SEARCH)
+    boxes = {name: Box(**box) for name, box in patches.items()}
+    planes, findings = field_search.planes_of(cloud, boxes, SEARCH)
     assert [plane.name for plane in planes] == ["wall"]
     assert planes[0].fit.plane.offset == pytest.approx(-5.0, abs=1e-3)
     assert findings[0].startswith("air: 0 points of 0 lasers")
@@ -229,8 +231,8 @@ def test_three_lasers_fix_no_plane():
 
 def test_search_from_config():
     search = field.Search.from_config(
-        {"planes": 3, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-         "incidence_deg": np.rad2deg(1.2), "seed": 1}
+        PlaneSearch(planes=3, distance_cm=6, extent_m=6, min_points=200,
+                    incidence_deg=np.rad2deg(1.2), seed=1)
     )  # fmt: skip
     assert search.distance_m == pytest.approx(SEARCH.distance_m)
     assert search.incidence_rad == pytest.approx(SEARCH.incidence_rad)

@@ -16,11 +16,12 @@ from velocal.reporting.figures.lasers import save
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
+from velocal.study.config import Panel, PanelFit
 
 SCANNER = "HDL-32E"
 BOXES = {
-    "left": {"across_m": [-1.8, -0.2], "up_m": [-1.3, 1.4]},
-    "right": {"across_m": [0.2, 1.8], "up_m": [-1.3, 1.4]},
+    "left": Panel(across_m=(-1.8, -0.2), up_m=(-1.3, 1.4)),
+    "right": Panel(across_m=(0.2, 1.8), up_m=(-1.3, 1.4)),
 }
 FIT = {"depth_m": 0.6, "min_points": 100, "min_lasers": 3, "incidence_deg": 70}
 ROTATIONS = 3
@@ -37,8 +38,9 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
 
 
 def fitted(cloud, distance_m=10.0, **fit):
-    panels = outdoor.Panels.from_config(distance_m, 8.0, BOXES, FIT | fit)
-    return outdoor.fit_panels(cloud, panels, outdoor.search(FIT | fit), "sample 'x'")
+    wanted = PanelFit(**(FIT | fit))
+    panels = outdoor.Panels(distance_m, np.deg2rad(8.0), BOXES, wanted.depth_m)
+    return outdoor.fit_panels(cloud, panels, outdoor.search(wanted), "sample 'x'")
 
 
 def with_kind(world, **changes):

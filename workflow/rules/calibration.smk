@@ -24,7 +24,7 @@ rule assign_medians:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        gates=config.get("assignment", {}).get("gates"),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
         library=library("assign_medians"),
     script:
         "../../scripts/assign_medians.py"
@@ -44,7 +44,7 @@ rule adjust_lasers:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
+        config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner).plain(),
         library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
@@ -72,10 +72,10 @@ rule average_set:
     conda:
         "../../environment.yml"
     params:
-        weights=config.get("adjustment", {}).get("average", "equal"),
+        weights=lambda wildcards: STUDY.average,
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
         positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
-        export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
+        export=SETTINGS.export.plain(),
         library=library("average_set"),
     script:
         "../../scripts/average_set.py"

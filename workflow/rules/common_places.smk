@@ -1,7 +1,7 @@
 # Helpers of outdoor.smk and map.smk; no rules.
 
-OUTDOOR = config.get("outdoor", {})
-OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
+OUTDOOR = SETTINGS.outdoor
+OUTDOOR_FIGURES = OUTDOOR.figures if OUTDOOR else {}
 
 
 def outdoor_sample(wildcards):

@@ -10,8 +10,8 @@
 #
 # The pose of every position is adjusted from the targets on the scanner's base, as in the field.
 
-PLANS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "plan"}
-MAPS = {n: figure for n, figure in FIGURES.items() if figure["kind"] == "map"}
+PLANS = {n: figure for n, figure in FIGURES.items() if figure.kind == "plan"}
+MAPS = {n: figure for n, figure in FIGURES.items() if figure.kind == "map"}
 
 
 ruleorder: draw_plan > draw_figure
@@ -21,14 +21,14 @@ rule draw_plan:
     input:
         medians=lambda wildcards: expand(
             f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
-            sample=PLANS[wildcards.figure]["samples"],
+            sample=PLANS[wildcards.figure].samples,
             window="middle",
         ),
         surveys=lambda wildcards: at_positions(
-            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure]["samples"]
+            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure].samples
         ),
-        targets=SURVEY.get("planes", []),
-        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure]["scanner"]),
+        targets=SURVEY.planes if SURVEY else [],
+        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure].scanner),
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
@@ -40,9 +40,9 @@ rule draw_plan:
     conda:
         "../../environment.yml"
     params:
-        samples=lambda wildcards: PLANS[wildcards.figure]["samples"],
-        selection=lambda wildcards: PLANS[wildcards.figure],
-        gates=config.get("assignment", {}).get("gates"),
+        samples=lambda wildcards: list(PLANS[wildcards.figure].samples),
+        selection=lambda wildcards: PLANS[wildcards.figure].plain(),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
         simulated=bool(WORLD),
         library=library("draw_plan"),
     script:
@@ -51,7 +51,7 @@ rule draw_plan:
 
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
-    PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
+    PLACES = list(SIMULATED.building.positions)
 
     ruleorder: draw_map > draw_figure
 
@@ -78,9 +78,9 @@ if MAPS:
         input:
             recordings=rules.simulate_building.output.recordings,
             base_map=rules.simulate_building.output.base,
-            base_scanner=SURVEY["base_scanner"],
-            calibration=factory_path(MAP["scanner"]),
-            refined=f"{RESULTS}/parameter_sets/{MAP['scanner']}/{MAP['set']}.csv",
+            base_scanner=SURVEY.base_scanner,
+            calibration=factory_path(MAP.scanner),
+            refined=f"{RESULTS}/parameter_sets/{MAP.scanner}/{MAP.set}.csv",
         output:
             points=f"{RESULTS}/map/points.parquet",
         log:
@@ -89,8 +89,8 @@ if MAPS:
             "../../environment.yml"
         params:
             positions=PLACES,
-            parameter_set=MAP["set"],
-            scanner=MAP["scanner"],
+            parameter_set=MAP.set,
+            scanner=MAP.scanner,
             library=library("map_building"),
         script:
             "../../scripts/map_building.py"
@@ -108,7 +108,7 @@ if MAPS:
         conda:
             "../../environment.yml"
         params:
-            selection=MAP,
+            selection=MAP.plain(),
             simulated=bool(WORLD),
             library=library("draw_map"),
         script:

@@ -9,7 +9,7 @@
 #       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
 #                                                intervals cover the truth (Monte Carlo)
 
-METHOD_SAMPLES = [*METHODS.get("calibration", []), *METHODS.get("other", [])]
+METHOD_SAMPLES = [*METHODS.calibration, *METHODS.other] if METHODS else []
 
 
 rule compare_methods:
@@ -21,11 +21,11 @@ rule compare_methods:
         surveys=[
             f"{RESULTS}/survey/{position}.json"
             for position, scanner in STUDY.positions.items()
-            if METHODS and scanner == METHODS["scanner"]
+            if METHODS and scanner == METHODS.scanner
         ],
-        calibration=factory_path(METHODS.get("scanner")),
+        calibration=factory_path(METHODS.scanner) if METHODS else [],
         truth=(
-            f"{RESULTS}/simulation/truth/{METHODS['scanner']}.csv"
+            f"{RESULTS}/simulation/truth/{METHODS.scanner}.csv"
             if METHODS and WORLD
             else []
         ),
@@ -41,11 +41,11 @@ rule compare_methods:
     params:
         samples=samples_per_window(METHOD_SAMPLES),
         positions=positions_per_window(METHOD_SAMPLES),
-        calibrate_on=METHODS.get("calibration", []),
-        check_on=METHODS.get("other", []),
-        scanner=METHODS.get("scanner"),
-        adjustment=STUDY.adjustment(METHODS.get("scanner")),
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        calibrate_on=lambda wildcards: list(METHODS.calibration),
+        check_on=lambda wildcards: list(METHODS.other),
+        scanner=lambda wildcards: METHODS.scanner,
+        adjustment=lambda wildcards: STUDY.adjustment(METHODS.scanner).plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
         library=library("compare_methods"),
     script:
@@ -64,8 +64,8 @@ if WORLD:
         conda:
             "../../environment.yml"
         params:
-            adjustment={name: STUDY.adjustment(name) for name in STUDY.scanners},
-            runs=METHODS.get("runs", 500),
+            adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
+            runs=lambda wildcards: METHODS.runs,
             library=library("coverage"),
         script:
             "../../scripts/coverage.py"

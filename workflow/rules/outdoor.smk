@@ -1,6 +1,6 @@
 # Outdoor validation: panels at 10 to 35 m, without a survey.
 #
-# in:   recordings of the outdoor sheet, the factory's calibration, every parameter set of the
+# in:   recordings of the outdoor samples, the factory's calibration, every parameter set of the
 #       scanner; the world, for recordings that are simulated
 # out:  {results}/recordings/{outdoor}/ledger.json  what was used, what not and why
 #       {results}/outdoor/{outdoor}.csv             std of s about the plane of every panel, before
@@ -31,7 +31,7 @@ if WORLD:
             sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
-            rotations=OUTDOOR.get("rotations"),
+            rotations=lambda wildcards: OUTDOOR.rotations,
             library=library("simulate_outdoor"),
         script:
             "../../scripts/simulate_outdoor.py"
@@ -54,12 +54,12 @@ rule measure_panels:
     conda:
         "../../environment.yml"
     params:
-        sample=lambda wildcards: vars(outdoor_sample(wildcards)),
+        sample=lambda wildcards: outdoor_sample(wildcards).plain(),
         set_names=lambda wildcards: list(
             STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
         ),
-        boxes=OUTDOOR.get("panels"),
-        fit=OUTDOOR.get("fit"),
+        boxes=lambda wildcards: OUTDOOR.plain()["panels"],
+        fit=lambda wildcards: OUTDOOR.fit.plain(),
         library=library("measure_panels"),
     script:
         "../../scripts/measure_panels.py"
@@ -78,8 +78,10 @@ rule summarise_outdoor:
     conda:
         "../../environment.yml"
     params:
-        selections=OUTDOOR_FIGURES,
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        selections={
+            number: list(selection) for number, selection in OUTDOOR_FIGURES.items()
+        },
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
         library=library("summarise_outdoor"),
     script:

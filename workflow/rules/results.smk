@@ -19,7 +19,7 @@ rule make_table:
     conda:
         "../../environment.yml"
     params:
-        selection=lambda wildcards: config["tables"][wildcards.table],
+        selection=lambda wildcards: SETTINGS.tables[wildcards.table].plain(),
         simulated=bool(WORLD),
         library=library("make_table"),
     script:
@@ -58,8 +58,8 @@ rule draw_figure:
     conda:
         "../../environment.yml"
     params:
-        selection=lambda wildcards: FIGURES[wildcards.figure],
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        selection=lambda wildcards: FIGURES[wildcards.figure].plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
         library=library("draw_figure"),
     script:
@@ -73,20 +73,20 @@ rule write_report:
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         agreement=(
-            f"{RESULTS}/published/agreement.csv"
-            if config.get("compare_with_paper")
-            else []
+            f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
         ),
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=set_files(["csv"]),
-        factories=[path for path in STUDY.factories.values() if path != "nominal"],
+        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
         figure_pngs=figure_files(["png"]),
         figure_csvs=figure_files(["csv"]),
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
-        field_csv=f"{RESULTS}/field/table.csv" if STUDY.field else [],
-        field_pngs=expand(f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field),
+        field_csv=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],
+        field_pngs=expand(
+            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.unsurveyed
+        ),
         outdoor_csv=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pngs=expand(
             f"{RESULTS}/figures/figure_{{number}}.png", number=OUTDOOR_FIGURES
@@ -98,13 +98,13 @@ rule write_report:
     conda:
         "../../environment.yml"
     params:
-        title=config["study"],
+        title=SETTINGS.study,
         simulated=bool(WORLD),
-        tables=config.get("tables", {}),
-        figures=FIGURES,
+        tables=SETTINGS.plain()["tables"],
+        figures=SETTINGS.plain()["figures"],
         scanners=list(STUDY.factories),
         factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != "nominal"
+            name for name, path in STUDY.factories.items() if path != NOMINAL
         ],
         library=library("write_report"),
     script:

@@ -8,9 +8,9 @@
 # Not part of `all`; `make seeds` asks for it. The same functions as in the rest of the workflow run
 # in one process a seed, on recordings with fewer rotations in a window.
 
-SEEDS = config.get("simulation", {}).get("seeds", {})
+SEEDS = SETTINGS.simulation.seeds if SETTINGS.simulation else None
 
-if WORLD and SEEDS:
+if SEEDS:
 
     rule replicate_study:
         input:
@@ -22,9 +22,8 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
-            config=config,
-            rotations=SEEDS["rotations"],
-            schemas=str(WORKFLOW / "schemas"),
+            config=SETTINGS.plain(),
+            rotations=SEEDS.rotations,
             library=library("replicate_study"),
         script:
             "../../scripts/replicate_study.py"
@@ -32,7 +31,7 @@ if WORLD and SEEDS:
     rule summarise_seeds:
         input:
             replicas=expand(
-                f"{RESULTS}/seeds/{{seed}}.csv", seed=range(1, SEEDS["count"] + 1)
+                f"{RESULTS}/seeds/{{seed}}.csv", seed=range(1, SEEDS.count + 1)
             ),
         output:
             agreement=f"{RESULTS}/seeds/agreement.csv",
@@ -41,7 +40,7 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
-            seeds=list(range(1, SEEDS["count"] + 1)),
+            seeds=list(range(1, SEEDS.count + 1)),
             library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"
@@ -56,11 +55,10 @@ if WORLD and SEEDS:
         conda:
             "../../environment.yml"
         params:
-            config=config,
-            rotations=SEEDS["rotations"],
+            config=SETTINGS.plain(),
+            rotations=SEEDS.rotations,
             seeds=2,
             iterations=2,
-            schemas=str(WORKFLOW / "schemas"),
             library=library("tune_world"),
         script:
             "../../scripts/tune_world.py"

@@ -23,7 +23,7 @@ if WORLD:
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
-            rotations=config["simulation"]["rotations"],
+            rotations=SETTINGS.simulation.rotations,
             library=library("simulate_recording"),
         script:
             "../../scripts/simulate_recording.py"

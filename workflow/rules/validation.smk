@@ -23,7 +23,7 @@ rule residuals_calibration:
         "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         library=library("residuals_calibration"),
     script:
         "../../scripts/residuals_calibration.py"
@@ -50,8 +50,8 @@ rule residuals_validation:
         set_names=lambda wildcards: list(
             STUDY.parameter_sets[sample_of(wildcards).scanner]
         ),
-        gates=config.get("assignment", {}).get("gates"),
-        validation=config.get("validation"),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
+        validation=lambda wildcards: STUDY.validation.plain(),
         library=library("residuals_validation"),
     script:
         "../../scripts/residuals_validation.py"

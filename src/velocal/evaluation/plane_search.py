@@ -6,7 +6,7 @@ sheet as seen from the scanner; a slice through a hedge is neither.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from velocal.evaluation.planes_in_data import (
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
+from velocal.study.config import Box
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -47,9 +48,7 @@ CELL_RAD = np.deg2rad(0.6)
 ROUNDS = 10
 
 
-def planes_of(
-    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]] | None, search: Search
-) -> Found:
+def planes_of(cloud: Cloud, patches: Mapping[str, Box] | None, search: Search) -> Found:
     """Fit planes to patches where there are any, or find them."""
     return fit_patches(cloud, patches, search) if patches else find_planes(cloud, search)
 

@@ -241,7 +241,7 @@ def best_set(summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequenc
         raise VelocalError(
             f"{scanner}, samples {', '.join(samples)}: a window without residuals",
             where="statistics",
-            hint="No return of it was assigned to a plane: look at assignment.gates.",
+            hint="No return of it was assigned to a plane: look at assignment.limits.",
         )
     return min(finite, key=lambda name: finite[name])
 

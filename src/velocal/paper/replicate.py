@@ -5,7 +5,7 @@ Recordings still go through their bytes, in a file that is removed again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import settings, tabulate
+from velocal.adjustment import tabulate
 from velocal.adjustment.average import average
 from velocal.adjustment.lasers import adjust_all
 from velocal.evaluation.statistics import statistics_table
@@ -25,7 +25,6 @@ from velocal.paper import statements, tables
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.assignment import Gates
 from velocal.reduction.medians import cell_medians
 from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
 from velocal.scanner.models import SCANNERS, Scanner
@@ -34,7 +33,9 @@ from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
-from velocal.study.config import Sample, Study
+from velocal.study.config import Reduction
+from velocal.study.samples import SurveyedSample
+from velocal.study.study import Study
 from velocal.survey.network.survey import Survey, adjust_field_book
 from velocal.survey.station import (
     Station,
@@ -71,8 +72,8 @@ def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
     """Cells of the tables and the statements that follow from them, beside the printed ones."""
     summary = tables.summarised(lasers(world, study, rotations))
     shown = pd.concat(
-        tables.formatted(tables.build(number, selection, summary, simulated=True).frame)
-        for number, selection in study.config["tables"].items()
+        tables.formatted(tables.build(number, table.plain(), summary, simulated=True).frame)
+        for number, table in study.config.tables.items()
     )
     found = statements.of_tables(published.sources_of(summary, shown))
     return pd.concat(
@@ -119,27 +120,28 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
 def _of_scanner(
     world: World, study: Study, survey: Survey, scanner: str, rotations: int
 ) -> Iterator[pd.DataFrame]:
-    config, known = study.config, SCANNERS[scanner]
+    known = SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
-    gates = Gates.from_config(config["assignment"]["gates"])
-    sigma_m = config["validation"]["sigma_cm"] * 1e-2
-    settled = study.adjustment(scanner)
+    gates = study.assignment.limits.gates()
+    sigma_m = study.validation.sigma_cm * 1e-2
+    adjustment = study.adjustment(scanner)
     adjustments: dict[str, list[tabulate.Corrections]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
-        position = str(sample.position)
-        if position not in at:
-            at = {position: capture.shots_at(world, scanner, position)}
-        station = _station(survey, scanner, position, config["assignment"]["planes"])
-        stochastic = settings.stochastic(settled, [uncertainty_of(as_dict(station))])
-        for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
+        if sample.position not in at:
+            at = {sample.position: capture.shots_at(world, scanner, sample.position)}
+        station = _station(survey, scanner, sample.position, study.assignment.planes)
+        stochastic = adjustment.stochastic([uncertainty_of(as_dict(station))])
+        for window, returns, rate_hz in _windows(
+            world, sample, known, rotations, at[sample.position]
+        ):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
-            medians = _medians(returns, config["reduction"], known)
+            medians = _medians(returns, study.config.reduction, known)
             rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
             data = observations(rows, station.patches)
             results = adjust_all(
-                data, factory, settled["parameters"], settings.solver(settled), stochastic
+                data, factory, adjustment.parameters, adjustment.solver(), stochastic
             )
             columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
             found = tabulate.read_corrections(columns)
@@ -149,7 +151,7 @@ def _of_scanner(
                 "after": data.misclosure(factory.corrected(found.value)),
             }
             yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
-            scan = first_rotations(returns, config["validation"]["rotations"])
+            scan = first_rotations(returns, study.validation.rotations)
             scans[sample.name, window] = observations(
                 assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
                 station.patches,
@@ -167,7 +169,7 @@ def _sets(
     factory: LaserParameters,
     adjustments: dict[str, list[tabulate.Corrections]],
 ) -> dict[str, LaserParameters]:
-    weights = study.config["adjustment"].get("average", "equal")
+    weights = study.average
     sets = {"before": factory}
     for name, samples in study.parameter_sets[scanner].items():
         chosen = average([adjustments[sample] for sample in samples], weights)
@@ -187,20 +189,20 @@ def _table(
     return pd.DataFrame(columns)
 
 
-def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
+def _medians(returns: Columns, reduction: Reduction, known: Scanner) -> Columns:
     """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
     reduced = cell_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=known.cell(reduction["cell_deg"].get(known.name)),
+        cell_ticks=reduction.azimuth_bin_ticks(known),
         min_count=1,
     )
     return asdict(reduced)
 
 
-def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> Station:
+def _station(survey: Survey, scanner: str, position: str, planes: Sequence[str]) -> Station:
     base = survey.readings[scanner].targets
     return adjust_station(
         survey.planes,
@@ -213,7 +215,7 @@ def _station(survey: Survey, scanner: str, position: str, planes: list[str]) -> 
 
 
 def _windows(
-    world: World, sample: Sample, known: Scanner, rotations: int, shots: capture.Shots
+    world: World, sample: SurveyedSample, known: Scanner, rotations: int, shots: capture.Shots
 ) -> Iterator[tuple[str, Columns, float]]:
     """Returns of every window and the rotation rate, decoded from a recording."""
     with TemporaryDirectory() as folder:
@@ -221,7 +223,7 @@ def _windows(
         # Some rotations lie between the windows, as in the study's recordings.
         length = 3 * rotations + rotations // 3 + 2
         blocks = capture.records(
-            world, known.name, str(sample.position), sample.name, length, shots=shots
+            world, known.name, sample.position, sample.name, length, shots=shots
         )
         storage.write_blocks(recording, blocks)
         index = inspect(recording).index

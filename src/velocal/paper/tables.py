@@ -10,7 +10,7 @@ import pandas as pd
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.evaluation.statistics import calibration_after, mean_std_of_sets, summary_row
-from velocal.study.config import WINDOWS
+from velocal.study.samples import WINDOWS
 
 #: Number of a table as the paper writes it.
 ROMAN = {"2": "II", "3": "III", "4": "IV", "5": "V"}

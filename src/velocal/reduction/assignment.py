@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,13 +34,6 @@ class Gates:
     distance_m: float
     edge_m: float
     incidence_rad: float
-
-    @classmethod
-    def from_config(cls, gates: Mapping[str, float]) -> Gates:
-        """Gates out of the configuration's `distance_cm`, `edge_cm` and `incidence_deg`."""
-        return cls(
-            gates["distance_cm"] * 1e-2, gates["edge_cm"] * 1e-2, np.deg2rad(gates["incidence_deg"])
-        )
 
 
 def assign(

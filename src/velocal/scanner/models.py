@@ -69,6 +69,11 @@ class Scanner:
     firing_time_s : ndarray, shape (n_lasers,)
         Time at which a laser fires after the first of its firing, whether or not the
         manufacturer's formula makes use of it.
+    ships_with_calibration : bool
+        True where the factory hands over a calibration file of every unit; other scanners are
+        made to their nominal values.
+    embeds_calibration : bool
+        True where the scanner sends this calibration in the status bytes of its packets.
     """
 
     name: str
@@ -89,6 +94,8 @@ class Scanner:
     firing_time_s: NDArray[np.float64] = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
+    ships_with_calibration: bool = False
+    embeds_calibration: bool = False
 
     @property
     def lasers_per_firing(self) -> int:
@@ -168,6 +175,8 @@ def _hdl64e(
         firing_time_s=1e-6 * (6.0 * (lane // 4) + np.array([0.0, 1.26, 2.46, 3.66])[lane % 4])
         if dual
         else np.zeros(64),
+        ships_with_calibration=True,
+        embeds_calibration=dual,
     )
 
 

@@ -8,6 +8,7 @@ from velocal.calibration.convert import apart
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.io import storage
+from velocal.study.config import Export
 
 
 def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
@@ -33,7 +34,8 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     average_set.main(
         adjustments=[adjustment], covariances=[tmp_path / "sa3" / "middle.covariance.csv"],
         calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
-        scanner="HDL-64E", weights="equal", samples=["sa3"], positions=["P2"], export=export,
+        scanner="HDL-64E", weights="equal", samples=["sa3"], positions=["P2"],
+        export=Export(**export),
     )  # fmt: skip
     parameters = formats.read(files["csv"], 64)
     np.testing.assert_allclose(parameters.dl, unit().dl + np.linspace(-0.01, 0.01, 64), atol=1e-15)

@@ -271,8 +271,8 @@ def fit(folder: Path, root: Path, cloud: field.Cloud, **changed) -> dict[str, Pa
     storage.write_table(path, schemas.MEDIANS, medians_of(cloud), rotation_rate_hz=10.0)
     outputs = {name: folder / f"planes.{name}" for name in ("svg", "png")}
     outputs |= {"planes": folder / "planes.json", "lasers": folder / "lasers.csv"}
-    search = {"planes": 2, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-              "incidence_deg": 70, "seed": 1}  # fmt: skip
+    search = PlaneSearch(planes=2, distance_cm=6, extent_m=6, min_points=200,
+              incidence_deg=70, seed=1)  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
                  "sigma_cm": 2.0, **changed}  # fmt: skip
     main(medians=path, calibration=None, **outputs, **arguments)

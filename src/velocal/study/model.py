@@ -25,6 +25,8 @@ from velocal.scanner.models import SCANNERS
 
 #: Type of the errors that `fault` makes.
 _FAULT = "velocal"
+#: The same safe loader, in C where libyaml is there: ten times as fast.
+_SAFE = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -177,7 +179,7 @@ def read_yaml(path: Path) -> Any:
         If it is missing or no YAML.
     """
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_SAFE)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
 

@@ -19,7 +19,7 @@ RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results seeds field test lint nist lock clean
+.PHONY: help setup results coverage seeds field test lint nist lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -27,6 +27,9 @@ help: ## show this list
 
 results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
 	$(RUN) snakemake --cores $(CORES)
+
+coverage: $(INSTALLED) ## how often stated intervals cover the truth of the simulated world: results/methods/coverage.csv
+	$(RUN) snakemake --cores $(CORES) coverage
 
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
 	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv

@@ -44,8 +44,11 @@ def main(
     chosen, known = means[weights], scanner_named(scanner)
     factory, tick_m = formats.read_or_nominal(calibration, known), known.distance_tick_m
     parameters = factory.corrected({name: mean.mean for name, mean in chosen.items()})
-    sources = {"adjustments": ["/".join(path.parts[-2:]) for path in adjustments]}
-    sources |= {"calibration": calibration.name if calibration else "nominal", "weights": weights}
+    sources = {
+        "adjustments": ["/".join(path.parts[-2:]) for path in adjustments],
+        "calibration": calibration.name if calibration else "nominal",
+        "weights": weights,
+    }
     found = Calibration(
         parameters, "paper", scanner, tick_m,
         std={name: mean.std for name, mean in chosen.items()},

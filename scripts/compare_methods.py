@@ -46,14 +46,14 @@ def main(
     for path, sample in zip(assigned, samples, strict=True):
         columns, _ = storage.read_table(path, schemas.ASSIGNED)
         windows[sample].append(observations(columns, patches[stood[sample]]))
-    both = [
+    known, other = (
         [methods.SampleData(stood[name], windows[name]) for name in names]
         for names in (calibrate_on, check_on)
-    ]
+    )
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
     true = formats.read(truth, len(factory)) if truth else None
-    stochastic = adjustment.stochastic()
-    numbers = pd.DataFrame(methods.compare(*both, factory, stochastic, sigma_cm * 1e-2, true))
+    stochastic, sigma_m = adjustment.stochastic(), sigma_cm * 1e-2
+    numbers = pd.DataFrame(methods.compare(known, other, factory, stochastic, sigma_m, true))
     storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(md, text)

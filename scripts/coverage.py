@@ -47,14 +47,14 @@ def main(
             found = summary(outcome(draws, seen, some, GaussHelmert(), white), bound)
             case = {"case": f"white: {' '.join(some)}", "scanner": scanner}
             rows += [case | {"method": "gauss_helmert"} | row for row in found]
-        draws = list(full_draws(at, config, names, runs, SEED))
+        every = list(full_draws(at, config, names, runs, SEED))
         for kind, model, method, solver, n in (
             ("unit", of_unit(config, at.errors), "prior", WithPrior(), runs),
             ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 4),
             ("configured", config, "prior", WithPrior(), runs // 4),
         ):
             case = {"case": f"full: sizes {kind}", "scanner": scanner, "method": method}
-            rows += [case | row for row in summary(outcome(draws[:n], at, names, solver, model))]
+            rows += [case | row for row in summary(outcome(every[:n], at, names, solver, model))]
     storage.write_csv(coverage, pd.DataFrame(rows).round(7))
 
 

@@ -1,7 +1,9 @@
-"""Scan a recording once: ledger and index of rotations."""
+"""Scan a recording once: ledger, index of rotations, and the factory's calibration in it."""
 
 from pathlib import Path
 
+from velocal.calibration.files import db_xml
+from velocal.calibration.files.document import Calibration
 from velocal.capture.reading import Choice
 from velocal.io import storage
 from velocal.io.scripts import run
@@ -16,16 +18,25 @@ def main(
     recording: Path,
     ledger: Path,
     rotations: Path,
+    calibration: Path | None,
     scanner: str,
     port: int | None,
     address: str | None,
 ) -> None:
-    """Write the ledger as JSON and the index as Parquet."""
+    """Write the ledger as JSON and the index as Parquet.
+
+    Where a file for it is given, the calibration embedded in the status bytes is written as well,
+    every value as the wire holds it; that it is not there is an error then.
+    """
     inspection = inspect(recording, choice=Choice(port, address))
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
     storage.write_json(ledger, {"file": recording.name, **facts})
+    if calibration:
+        # Not `formats.write`: a change of another format would have every recording scanned again.
+        embedded = inspection.status.calibration(str(recording))
+        db_xml.write(calibration, Calibration(embedded))
 
 
 if "snakemake" in globals():

@@ -29,9 +29,10 @@ def main(
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
     patches = patches_of(storage.read_json(survey))
-    columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
+    rotations = validation.rotations
+    columns, facts = storage.read_first(returns, schemas.RETURNS, "rotation", rotations, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
-    scan = first_rotations(columns, validation.rotations)
+    scan = first_rotations(columns, rotations)
     rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits.gates())
     data = observations(rows, patches)
     candidates = {"before": factory} | {

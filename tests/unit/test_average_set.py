@@ -11,15 +11,14 @@ from velocal.io import storage
 from velocal.study.config import Export
 
 
-def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
+def write_adjustment(path, correction):
+    """Corrections of a window, the same for dl, alpha and v, and their covariances."""
     columns = {"laser_id": np.arange(64), "count": np.full(64, 9)}
     for name, unit_of in (("dl", "m"), ("alpha", "rad"), ("v", "rad")):
-        columns[f"{name}_correction_{unit_of}"] = np.linspace(-0.01, 0.01, 64)
+        columns[f"{name}_correction_{unit_of}"] = correction
         columns[f"{name}_std_{unit_of}"] = np.full(64, 0.002)
         columns[f"{name}_noise_std_{unit_of}"] = np.full(64, 0.001)
-    adjustment = tmp_path / "sa3" / "middle.csv"
-    storage.write_csv(adjustment, columns)
-    formats.write(tmp_path / "factory.xml", unit())
+    storage.write_csv(path, columns)
     pairs = [(a, b) for a in ("dl", "alpha", "v") for b in ("dl", "alpha", "v") if a <= b]
     covariance = {
         "laser_id": np.repeat(np.arange(64), len(pairs)),
@@ -28,7 +27,33 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
         "covariance": np.tile([2e-6 if a != b else 4e-6 for a, b in pairs], 64),
         "noise": np.tile([-5e-7 if a != b else 1e-6 for a, b in pairs], 64),
     }
-    storage.write_csv(tmp_path / "sa3" / "middle.covariance.csv", covariance)
+    storage.write_csv(path.with_suffix(".covariance.csv"), covariance)
+
+
+def test_windows_belong_to_the_samples_that_are_named(tmp_path):
+    """Windows in any order: the scatter is that of the samples' means, 0.01 and 0.05."""
+    samples, corrections = ["sa3", "sa4", "sa3", "sa4"], (0.00, 0.04, 0.02, 0.06)
+    paths = [tmp_path / f"{number}.csv" for number in range(4)]
+    for path, correction in zip(paths, corrections, strict=True):
+        write_adjustment(path, np.full(64, correction))
+    formats.write(tmp_path / "factory.xml", unit())
+    files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
+    average_set.main(
+        adjustments=paths, covariances=[path.with_suffix(".covariance.csv") for path in paths],
+        calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
+        scanner="HDL-64E", weights="equal", samples=samples, positions=["P2", "P1", "P2", "P1"],
+        export={},
+    )  # fmt: skip
+    found = formats.read(files["csv"], 64)
+    np.testing.assert_allclose(found.dl, unit().dl + (0.01 + 0.05) / 2, atol=1e-15)
+    scatter = storage.read_csv(tmp_path / "scatter.csv")["scatter"]
+    np.testing.assert_allclose(scatter, np.std([0.01, 0.05], ddof=1))
+
+
+def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
+    adjustment = tmp_path / "sa3" / "middle.csv"
+    write_adjustment(adjustment, np.linspace(-0.01, 0.01, 64))
+    formats.write(tmp_path / "factory.xml", unit())
     files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
     export = {"yaml": "velodyne_decoder", "xml": "veloview"}
     average_set.main(

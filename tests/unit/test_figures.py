@@ -1,10 +1,11 @@
 """Figures: their numbers, their bytes, their scales."""
 
+import draw_histogram
+import draw_lasers
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from draw_figure import main
 from results_helpers import statistics
 
 from velocal.errors import ConfigError, VelocalError
@@ -165,22 +166,21 @@ def test_histogram_errors():
 
 
 def draw(tmp_path, name, chosen):
-    storage.write_csv(tmp_path / "lasers.csv", LASERS)
-    storage.write_csv(tmp_path / "summary.csv", SUMMARY)
-    data = [tmp_path / "lasers.csv"]
+    files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
+    arguments = dict(zip(("svg", "png", "csv"), files, strict=True))
+    arguments |= {"selection": chosen, "sigma_cm": 2.0, "simulated": True}
     if chosen["kind"] == "histogram":
-        data = [tmp_path / "residuals.parquet"]
         n = 400
         columns = {f"{axis}_m": np.zeros(n, np.float32) for axis in "xyz"}
         columns |= {"laser_id": np.arange(n) % 64, "plane": np.zeros(n)}
         columns |= {"before_m": np.linspace(0, 0.1, n), "after_m": np.linspace(-0.02, 0.02, n)}
-        storage.write_table(data[0], schemas.RESIDUALS, columns)
-    files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
-    main(
-        data=data, summary=tmp_path / "summary.csv",
-        **dict(zip(("svg", "png", "csv"), files, strict=True)),
-        selection=chosen, sigma_cm=2.0, simulated=True,
-    )  # fmt: skip
+        storage.write_table(tmp_path / "residuals.parquet", schemas.RESIDUALS, columns)
+        draw_histogram.main(residuals=[tmp_path / "residuals.parquet"], **arguments)
+    else:
+        storage.write_csv(tmp_path / "lasers.csv", LASERS)
+        storage.write_csv(tmp_path / "summary.csv", SUMMARY)
+        tables = {name: tmp_path / f"{name}.csv" for name in ("lasers", "summary")}
+        draw_lasers.main(**tables, **arguments)
     return files
 
 

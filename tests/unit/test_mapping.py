@@ -24,7 +24,7 @@ from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
 from velocal.study.model import read_yaml
-from velocal.survey.targets import write_targets
+from velocal.survey.targets import Targets, write_targets
 
 ROOT = Path(__file__).resolve().parents[2]
 SELECTION = {
@@ -77,6 +77,28 @@ def test_ranges_are_counted_in_the_ticks_of_the_scanner(name):
     expected = np.hypot(returns["distance"][[0, 2, 3]] * scanner.distance_tick_m,
                         flat.hoff[[0, 2, 3]])  # fmt: skip
     np.testing.assert_allclose(length, expected)
+
+
+def test_the_pose_weights_each_frame_with_its_own_covariance():
+    """A target whose X in the map is badly known must not move the pose along X.
+
+    The scanner is turned by 90 degrees, so that X of the map is not X of the scanner.
+    """
+    name = ("a", "b", "c", "d")
+    here = np.array([[0.2, 0.0, 0.1], [0.0, 0.2, 0.0], [-0.2, 0.0, 0.1], [0.0, -0.2, 0.0]])
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    place = np.array([2.0, 1.5, 1.0])
+    there = here @ quarter.T + place
+    there[0, 0] += 0.01
+    std = np.full((4, 3), 1e-4)
+    std[0, 0] = 0.1
+    in_map = Targets(name, ("A",) * 4, there, std)
+    in_scanner = Targets(name, ("HDL-64E",) * 4, here, np.full((4, 3), 1e-4))
+    pose = mapping.scanner_pose(in_map, in_scanner, where="A")
+    # With its own weight, 2e-6 of the others', the error of 1 cm moves the pose by some nanometres;
+    # with the weight of the others it would move the pose by 2 mm.
+    np.testing.assert_allclose(pose.translation, place, atol=1e-6)
+    np.testing.assert_allclose(pose.rotation, quarter, atol=1e-6)
 
 
 def test_a_wall_may_run_along_y():

@@ -33,22 +33,58 @@ def test_data_files_that_a_module_names(tmp_path):
     assert "reporting/report.html.j2" not in files(tmp_path, "from velocal.paper import printed\n")
 
 
-def test_digest_changes_with_the_content(tmp_path, monkeypatch):
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of two modules, of which a script imports one; gives the digest after a change."""
     package = tmp_path / "velocal"
     package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "a.py").write_text("x = 1\n")
-    (package / "b.py").write_text("y = 1\n")
     script = tmp_path / "script.py"
-    script.write_text("from velocal import a\n")
+    script.write_text("import numpy as np\nfrom velocal import a\n")
     monkeypatch.setattr(provenance, "PACKAGE", package)
-    provenance._imported.cache_clear()
-    before = provenance.library_digest(script)
-    (package / "b.py").write_text("y = 2\n")
-    assert provenance.library_digest(script) == before
-    (package / "a.py").write_text("x = 2\n")
-    assert provenance.library_digest(script) != before
-    provenance._imported.cache_clear()
+
+    def digest(**modules):
+        texts = {"__init__": "", "a": "def f():\n    return 1\n", "b": "y = 1\n"} | modules
+        for name, text in texts.items():
+            (package / f"{name}.py").write_text(text)
+        provenance._source.cache_clear()
+        return provenance.library_digest(script)
+
+    yield digest
+    provenance._source.cache_clear()
+
+
+def test_digest_changes_with_the_content(package):
+    before = package()
+    assert package(b="y = 2\n") == before
+    assert package(a="def f():\n    return 2\n") != before
+    assert package(a="from velocal import b\ndef f():\n    return 1\n") != before
+    assert package(a="def f():\n    return '1'\n") != before
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# a comment\ndef f():\n    return 1  # another\n",
+        '"""Of the module."""\n\n\ndef f():\n    """Of the function."""\n    return 1\n',
+        "def f():\n\n    return (\n        1\n    )\n",
+    ],
+    ids=["comment", "docstring", "layout"],
+)
+def test_digest_does_not_see_what_changes_no_result(package, text):
+    assert package(a=text) == package()
+
+
+def test_digest_sees_versions_of_what_is_imported(package, monkeypatch):
+    before, version = package(), provenance.metadata.version
+
+    def changed(of):
+        monkeypatch.setattr(
+            provenance.metadata, "version", lambda name: "0" if name == of else version(name)
+        )
+        return package()
+
+    assert changed("numpy") != before
+    assert changed("matplotlib") == before  # neither the script nor its module draws
 
 
 def test_versions_name_what_matters():

@@ -241,14 +241,14 @@ def test_script_reads_what_is_there(tmp_path):
         "summary": tmp_path / "summary.csv",
         "agreement": tmp_path / "agreement.csv",
         "surveys": [tmp_path / "P5.json"],
-        "figure_pngs": [drawn],
-        "figure_csvs": [drawn.with_suffix(".csv")],
+        "pictures": [drawn],
+        "numbers": [drawn.with_suffix(".csv")],
         "sets": [of_set],
         "factories": [],
-        "field_pngs": [],
-        "outdoor_pngs": [],
+        "field_pictures": [],
+        "outdoor_pictures": [],
     }
-    files |= dict.fromkeys(("methods_csv", "methods_png", "field_csv", "outdoor_csv"))
+    files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection}, "scanners": ["HDL-32E"]}
     common["factory_scanners"] = []

@@ -68,6 +68,7 @@ def test_values_become_what_the_annotation_says(value, type_, expected):
         ("a", Mapping[str, Any]),
         ({"distance": 1}, Limits),
         (1, complex),
+        (1, int | str),
     ],
 )
 def test_what_does_not_fit_is_an_error(value, type_):

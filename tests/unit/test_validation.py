@@ -32,6 +32,21 @@ def test_variance_test(spread):
     assert found.complies_mean[0] == (199 * np.var(s, ddof=1) / 0.02**2 < chi2.ppf(0.05, 199))
 
 
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_laser_at_the_limit_of_the_variance_test(share):
+    """Twenty residuals have twenty degrees of freedom about zero, and nineteen about their mean."""
+    n, sigma_m = 20, 0.02
+    noise = np.random.default_rng(5).normal(size=n)
+    about_zero = noise * sigma_m * np.sqrt(share * chi2.ppf(0.05, n) / np.sum(noise**2))
+    centred = noise - noise.mean()
+    centred *= sigma_m * np.sqrt(share * chi2.ppf(0.05, n - 1) / np.sum(centred**2))
+    laser = np.zeros(n, int)
+    zero = laser_statistics(about_zero, laser, 1, sigma_m)
+    mean = laser_statistics(centred + 0.004, laser, 1, sigma_m)
+    assert zero.complies_zero[0] == (share < 1.0)
+    assert mean.complies_mean[0] == (share < 1.0)
+
+
 def test_size_of_the_variance_test():
     """At the limit of the hypothesis, 5 % of lasers with independent noise pass by chance."""
     s = np.random.default_rng(3).normal(0.0, 0.02, (2000, 100))

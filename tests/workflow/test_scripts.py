@@ -42,7 +42,7 @@ def main_of(name):
 def written():
     """Names of rules in the text of all files of rules."""
     return re.findall(
-        r"^ *(?:use )?rule (\w+)(?: from .*| as \w+ with)?:",
+        r"^ *(?:use rule \w+ as |rule )(\w+)(?: with)?:",
         "\n".join(path.read_text() for path in RULES),
         flags=re.MULTILINE,
     )
@@ -88,3 +88,8 @@ def test_a_name_on_one_side_is_found(rules):
 def test_every_script_has_a_rule(rules):
     used = {Path(rule.script).name for rule in rules.values() if rule.script}
     assert used == {path.name for path in (ROOT / "scripts").glob("*.py")}
+
+
+def test_every_script_runs_again_when_its_library_changes(rules):
+    for rule in rules.values():
+        assert set(rule.params.keys()) >= TRIGGERS if rule.script else rule.name == "all"

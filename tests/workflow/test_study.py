@@ -99,17 +99,23 @@ def test_second_run_is_idle(finished):
 
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
-    edited("src/velocal/reporting/figures/lasers.py", "\n# edited\n")
-    drawn = {"draw_figure", "draw_network", "draw_plan", "summarise_outdoor", "write_report"}
-    assert {rule for rule, _ in planned(finished)} == drawn
+    edited("src/velocal/reporting/figures/lasers.py", "\nEDITED = 1\n")
+    drawn = {"draw_lasers", "draw_histogram", "draw_network", "draw_plan", "draw_panels"}
+    assert {rule for rule, _ in planned(finished)} == drawn | {"write_report"}
 
 
 def test_an_edited_module_in_the_middle(finished, edited):
-    edited("src/velocal/adjustment/average.py", "\n# edited\n")
+    edited("src/velocal/adjustment/average.py", "\nEDITED = 1\n")
     rules = {rule for rule, _ in planned(finished)}
     assert "average_set" in rules
     assert "residuals_validation" in rules
     assert not rules & {"decode_returns", "reduce_medians", "adjust_lasers", "simulate_recording"}
+
+
+def test_a_comment_or_a_docstring_reruns_nothing(finished, edited):
+    """Every script imports this module."""
+    edited("src/velocal/errors.py", '\n# A comment.\n"""And a text that nothing reads."""\n')
+    assert planned(finished) == []
 
 
 def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
@@ -119,7 +125,7 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
     assert {w for rule, w in jobs if rule == "adjust_survey"} == {"position=P6"}
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
     # Summaries, and what is made of them: the new sample belongs to no set.
-    assert of_all <= {"summarise_statistics", "make_table", "draw_figure", "write_report"}
+    assert of_all <= {"summarise_statistics", "make_table", "draw_lasers", "write_report"}
 
 
 def test_one_core_gives_the_same_bytes(finished, tmp_path):
@@ -154,7 +160,8 @@ def test_nothing_downstream_sees_the_truth(tmp_path):
     assert used <= {"all", "default", "write_report"}
     seen = {rule for rule, inputs in blocks if "world.yaml" in inputs}
     makers = {"simulate_recording", "simulate_outdoor", "simulate_factory", "simulate_survey"}
-    assert seen == makers | {"coverage"}
+    assert seen == makers
+    assert planned(folder, "coverage") == [("coverage", "")]
 
 
 def test_a_study_starts_from_its_own_recording(tmp_path):
@@ -169,7 +176,8 @@ def test_a_study_starts_from_its_own_recording(tmp_path):
     config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))
     asked = "results/adjustment/sa3/beginning.csv"
     rules = [rule for rule, _ in planned(folder, asked)]
-    assert rules.count("read_stream_calibration") == 1
+    assert rules.count("index_recording_with_calibration") == 1
+    assert "index_recording" not in rules  # the calibration comes out of the one scan
     assert "simulate_factory" not in rules
     done = snakemake(folder, "--cores", "2", asked)
     assert done.returncode == 0, done.stdout + done.stderr

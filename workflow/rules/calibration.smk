@@ -11,6 +11,14 @@
 #                                                          the samples against what is stated
 
 
+SETS = [
+    f"{RESULTS}/parameter_sets/{scanner}/{name}"
+    for scanner, sets in STUDY.parameter_sets.items()
+    for name in sets
+]
+SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
+
+
 rule assign_medians:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
@@ -20,12 +28,9 @@ rule assign_medians:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
-        library=library("assign_medians"),
     script:
         "../../scripts/assign_medians.py"
 
@@ -40,12 +45,9 @@ rule adjust_lasers:
         covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
     log:
         f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner).plain(),
-        library=library("adjust_lasers"),
     script:
         "../../scripts/adjust_lasers.py"
 
@@ -69,13 +71,11 @@ rule average_set:
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
         weights=lambda wildcards: STUDY.average,
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
         positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
         export=SETTINGS.export.plain(),
-        library=library("average_set"),
     script:
         "../../scripts/average_set.py"

@@ -30,7 +30,7 @@ except VelocalError as error:
     raise WorkflowError(str(error)) from None
 
 
-FIGURES, METHODS = SETTINGS.figures, SETTINGS.methods
+FIGURES = SETTINGS.figures
 
 
 def one_of(names):
@@ -49,13 +49,41 @@ wildcard_constraints:
     seed=r"\d+",
 
 
-def library(script):
-    """Digest of the library modules that a script imports, so that it reruns when one changes."""
-    return library_digest(SCRIPTS / f"{script}.py")
+def complete(rules):
+    """Give every rule of these files what is the same for all of them.
+
+    `library` is a digest of the library behind the script. Snakemake itself sees only a change of
+    the script, so this param is what lets a job run again after a change of a module.
+
+    The environment says which packages the script needs. velocal must be installed in it too, as
+    environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
+    """
+    for each in rules:
+        script = (Path(str(each.basedir)) / (each.script or "")).resolve()
+        if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
+            each.set_params(library=library_digest(script))
+            each.conda_env = "../../environment.yml"
+
+
+def figures_of(*kinds):
+    """Figures of some kinds, by number: each kind is drawn by a rule of its own."""
+    return {number: each for number, each in FIGURES.items() if each.kind in kinds}
+
+
+def figure_files(numbers, suffixes=("svg", "png", "csv")):
+    return expand(
+        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
+        figure=numbers,
+        suffix=suffixes,
+    )
 
 
 def sample_of(wildcards):
     return STUDY.samples[wildcards.sample]
+
+
+def outdoor_sample(wildcards):
+    return STUDY.outdoor[wildcards.outdoor]
 
 
 def calibration_file(wildcards):
@@ -93,72 +121,8 @@ def samples_of_set(wildcards):
     return STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set]
 
 
-def set_files(suffixes=("csv", "yaml", "xml")):
+def at_positions(pattern, samples):
+    """Paths of a pattern for the positions of samples."""
     return [
-        f"{RESULTS}/parameter_sets/{scanner}/{name}.{suffix}"
-        for scanner, sets in STUDY.parameter_sets.items()
-        for name in sets
-        for suffix in suffixes
+        expand(pattern, position=STUDY.samples[name].position)[0] for name in samples
     ]
-
-
-def table_files(suffixes=("csv", "md", "tex")):
-    return expand(
-        f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
-        table=SETTINGS.tables,
-        suffix=suffixes,
-    )
-
-
-def figure_files(suffixes=("svg", "png", "csv")):
-    return expand(
-        f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
-        figure=FIGURES,
-        suffix=suffixes,
-    )
-
-
-def method_files(suffixes=("csv", "md", "svg", "png")):
-    return [f"{RESULTS}/methods/comparison.{s}" for s in suffixes if METHODS]
-
-
-def figure_input(wildcards):
-    """Histograms read residuals of their samples, the others the statistics per laser."""
-    figure = FIGURES[wildcards.figure]
-    if figure.kind == "histogram":
-        return per_window(
-            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", figure.samples
-        )
-    return [f"{RESULTS}/statistics/lasers.csv"]
-
-
-def field_files():
-    table = [f"{RESULTS}/field/table.csv"] if STUDY.unsurveyed else []
-    return [
-        *table,
-        *expand(
-            f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
-            sample=STUDY.unsurveyed,
-            suffix=("json", "svg", "png"),
-        ),
-    ]
-
-
-def targets():
-    """Everything that the study asks for."""
-    wanted = [f"{RESULTS}/report.html"]
-    if STUDY.observations:
-        wanted.append(f"{RESULTS}/survey/network.svg")
-    if STUDY.surveyed:
-        wanted += set_files()
-        wanted += [f"{RESULTS}/statistics/{name}.csv" for name in ("lasers", "summary")]
-        wanted += table_files() + figure_files() + method_files()
-        if SETTINGS.compare_with_paper:
-            wanted.append(f"{RESULTS}/published/agreement.csv")
-        if METHODS and WORLD:
-            wanted.append(f"{RESULTS}/methods/coverage.csv")
-        if WORLD:
-            wanted += [
-                f"{RESULTS}/simulation/truth/{name}.csv" for name in STUDY.scanners
-            ]
-    return wanted + field_files() + outdoor_files()

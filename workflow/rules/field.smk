@@ -9,6 +9,14 @@
 UNSURVEYED = SETTINGS.unsurveyed
 
 
+FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.unsurveyed else []
+FIELD_FILES += expand(
+    f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
+    sample=STUDY.unsurveyed,
+    suffix=("json", "svg", "png"),
+)
+
+
 def patches_of(sample):
     """Boxes of the planes of a sample; None where planes are searched for."""
     boxes = UNSURVEYED.patches.get(sample)
@@ -26,14 +34,11 @@ rule fit_field_planes:
         png=f"{RESULTS}/field/{{sample}}/planes.png",
     log:
         f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         patches=lambda wildcards: patches_of(wildcards.sample),
         search=lambda wildcards: UNSURVEYED.search.plain(),
         sigma_cm=lambda wildcards: UNSURVEYED.sigma_cm,
-        library=library("fit_field_planes"),
     script:
         "../../scripts/fit_field_planes.py"
 
@@ -48,9 +53,6 @@ rule tabulate_field:
         md=f"{RESULTS}/field/table.md",
     log:
         f"{RESULTS}/logs/tabulate_field.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("tabulate_field"),
+    localrule: True
     script:
         "../../scripts/tabulate_field.py"

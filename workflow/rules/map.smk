@@ -10,11 +10,7 @@
 #
 # The pose of every position is adjusted from the targets on the scanner's base, as in the field.
 
-PLANS = {n: figure for n, figure in FIGURES.items() if figure.kind == "plan"}
-MAPS = {n: figure for n, figure in FIGURES.items() if figure.kind == "map"}
-
-
-ruleorder: draw_plan > draw_figure
+PLANS, MAPS = figures_of("plan"), figures_of("map")
 
 
 rule draw_plan:
@@ -37,14 +33,11 @@ rule draw_plan:
         f"{RESULTS}/logs/draw_plan/{{figure}}.log",
     wildcard_constraints:
         figure=one_of(PLANS),
-    conda:
-        "../../environment.yml"
     params:
         samples=lambda wildcards: list(PLANS[wildcards.figure].samples),
         selection=lambda wildcards: PLANS[wildcards.figure].plain(),
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         simulated=bool(WORLD),
-        library=library("draw_plan"),
     script:
         "../../scripts/draw_plan.py"
 
@@ -52,8 +45,6 @@ rule draw_plan:
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
     PLACES = list(SIMULATED.building.positions)
-
-    ruleorder: draw_map > draw_figure
 
     rule simulate_building:
         input:
@@ -66,11 +57,8 @@ if MAPS:
             base=f"{RESULTS}/map/base_map.csv",
         log:
             f"{RESULTS}/logs/simulate_building.log",
-        conda:
-            "../../environment.yml"
         params:
             positions=PLACES,
-            library=library("simulate_building"),
         script:
             "../../scripts/simulate_building.py"
 
@@ -85,13 +73,10 @@ if MAPS:
             points=f"{RESULTS}/map/points.parquet",
         log:
             f"{RESULTS}/logs/map_building.log",
-        conda:
-            "../../environment.yml"
         params:
             positions=PLACES,
             parameter_set=MAP.set,
             scanner=MAP.scanner,
-            library=library("map_building"),
         script:
             "../../scripts/map_building.py"
 
@@ -105,11 +90,8 @@ if MAPS:
             summary=f"{RESULTS}/map/summary.csv",
         log:
             f"{RESULTS}/logs/draw_map.log",
-        conda:
-            "../../environment.yml"
         params:
             selection=MAP.plain(),
             simulated=bool(WORLD),
-            library=library("draw_map"),
         script:
             "../../scripts/draw_map.py"

@@ -8,8 +8,18 @@
 #       {results}/methods/comparison.{svg,png}   the same as a picture
 #       {results}/methods/coverage.csv           simulated worlds only: how often the stated 95 %
 #                                                intervals cover the truth (Monte Carlo)
+#
+# The coverage is a property of the configuration and takes minutes: it is not part of `all`;
+# `make coverage` or `snakemake coverage` asks for it.
 
+METHODS = SETTINGS.methods
 METHOD_SAMPLES = [*METHODS.calibration, *METHODS.other] if METHODS else []
+
+
+METHOD_FILES = expand(
+    f"{RESULTS}/methods/comparison.{{suffix}}",
+    suffix=("csv", "md", "svg", "png") if METHODS else (),
+)
 
 
 rule compare_methods:
@@ -36,8 +46,6 @@ rule compare_methods:
         png=f"{RESULTS}/methods/comparison.png",
     log:
         f"{RESULTS}/logs/compare_methods.log",
-    conda:
-        "../../environment.yml"
     params:
         samples=samples_per_window(METHOD_SAMPLES),
         positions=positions_per_window(METHOD_SAMPLES),
@@ -47,12 +55,11 @@ rule compare_methods:
         adjustment=lambda wildcards: STUDY.adjustment(METHODS.scanner).plain(),
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
-        library=library("compare_methods"),
     script:
         "../../scripts/compare_methods.py"
 
 
-if WORLD:
+if WORLD and METHODS:
 
     rule coverage:
         input:
@@ -61,11 +68,8 @@ if WORLD:
             coverage=f"{RESULTS}/methods/coverage.csv",
         log:
             f"{RESULTS}/logs/coverage.log",
-        conda:
-            "../../environment.yml"
         params:
             adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
             runs=lambda wildcards: METHODS.runs,
-            library=library("coverage"),
         script:
             "../../scripts/coverage.py"

@@ -11,9 +11,19 @@
 #
 # The recordings are short: index, decoding and planes of one are a single job.
 
+OUTDOOR = SETTINGS.outdoor
+OUTDOOR_FIGURES = OUTDOOR.figures if OUTDOOR else {}
+
 
 wildcard_constraints:
     outdoor=one_of(STUDY.outdoor),
+
+
+OUTDOOR_FILES = figure_files(OUTDOOR_FIGURES)
+OUTDOOR_FILES += expand(
+    f"{RESULTS}/outdoor/{{name}}.csv",
+    name=("means", "summary") if STUDY.outdoor else (),
+)
 
 
 if WORLD:
@@ -25,14 +35,11 @@ if WORLD:
             recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
         log:
             f"{RESULTS}/logs/simulate_outdoor/{{outdoor}}.log",
-        conda:
-            "../../environment.yml"
         params:
             sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
             rotations=lambda wildcards: OUTDOOR.rotations,
-            library=library("simulate_outdoor"),
         script:
             "../../scripts/simulate_outdoor.py"
 
@@ -51,8 +58,6 @@ rule measure_panels:
         panels=f"{RESULTS}/outdoor/{{outdoor}}.csv",
     log:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
-    conda:
-        "../../environment.yml"
     params:
         sample=lambda wildcards: outdoor_sample(wildcards).plain(),
         set_names=lambda wildcards: list(
@@ -60,7 +65,6 @@ rule measure_panels:
         ),
         boxes=lambda wildcards: OUTDOOR.plain()["panels"],
         fit=lambda wildcards: OUTDOOR.fit.plain(),
-        library=library("measure_panels"),
     script:
         "../../scripts/measure_panels.py"
 
@@ -72,17 +76,28 @@ rule summarise_outdoor:
         summary=f"{RESULTS}/outdoor/summary.csv",
         means=f"{RESULTS}/outdoor/means.csv",
         facts=f"{RESULTS}/outdoor/facts.csv",
-        figures=[f for f in outdoor_files() if "/figures/" in f],
     log:
         f"{RESULTS}/logs/summarise_outdoor.log",
-    conda:
-        "../../environment.yml"
-    params:
-        selections={
-            number: list(selection) for number, selection in OUTDOOR_FIGURES.items()
-        },
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        simulated=bool(WORLD),
-        library=library("summarise_outdoor"),
+    localrule: True
     script:
         "../../scripts/summarise_outdoor.py"
+
+
+rule draw_panels:
+    input:
+        summary=f"{RESULTS}/outdoor/summary.csv",
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_panels/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(OUTDOOR_FIGURES),
+    params:
+        kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
+        scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/draw_panels.py"

@@ -9,6 +9,14 @@
 #
 # The whole recording is scanned once; only the rotations of the windows are decoded.
 
+# Samples whose recording holds the calibration of their scanner, as `embedded` in the sample table says.
+EMBEDDED = [
+    name
+    for name in STUDY.samples
+    if f"{RESULTS}/recordings/{name}/calibration.xml"
+    in {sample.calibration for sample in STUDY.samples.values()}
+]
+
 
 rule index_recording:
     input:
@@ -16,34 +24,26 @@ rule index_recording:
     output:
         ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+        calibration=[],
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
-    conda:
-        "../../environment.yml"
+    wildcard_constraints:
+        sample=one_of([name for name in STUDY.samples if name not in EMBEDDED]),
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
-        library=library("index_recording"),
     script:
         "../../scripts/index_recording.py"
 
 
-rule read_stream_calibration:
-    input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+use rule index_recording as index_recording_with_calibration with:
     output:
+        ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
+        rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
         calibration=f"{RESULTS}/recordings/{{sample}}/calibration.xml",
-    log:
-        f"{RESULTS}/logs/read_stream_calibration/{{sample}}.log",
-    conda:
-        "../../environment.yml"
-    params:
-        port=lambda wildcards: sample_of(wildcards).port,
-        address=lambda wildcards: sample_of(wildcards).address,
-        library=library("read_stream_calibration"),
-    script:
-        "../../scripts/read_stream_calibration.py"
+    wildcard_constraints:
+        sample=one_of(EMBEDDED),
 
 
 rule decode_returns:
@@ -54,8 +54,6 @@ rule decode_returns:
         returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     resources:
         mem_mb=800,
     params:
@@ -66,7 +64,6 @@ rule decode_returns:
         length=lambda wildcards: (
             None if wildcards.window == WHOLE else STUDY.windows.rotations
         ),
-        library=library("decode_returns"),
     script:
         "../../scripts/decode_returns.py"
 
@@ -78,8 +75,6 @@ rule reduce_medians:
         medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     resources:
         mem_mb=1200,
     params:
@@ -88,6 +83,5 @@ rule reduce_medians:
             SCANNERS[sample_of(wildcards).scanner]
         ),
         min_count=SETTINGS.reduction.min_count,
-        library=library("reduce_medians"),
     script:
         "../../scripts/reduce_medians.py"

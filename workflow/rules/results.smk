@@ -6,6 +6,17 @@
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
 
+LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
+HISTOGRAMS = figures_of("histogram")
+
+
+TABLE_FILES = expand(
+    f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
+    table=SETTINGS.tables,
+    suffix=("csv", "md", "tex"),
+)
+AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
+
 
 rule make_table:
     input:
@@ -16,19 +27,17 @@ rule make_table:
         tex=f"{RESULTS}/tables/table_{{table}}.tex",
     log:
         f"{RESULTS}/logs/make_table/{{table}}.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
         selection=lambda wildcards: SETTINGS.tables[wildcards.table].plain(),
         simulated=bool(WORLD),
-        library=library("make_table"),
     script:
         "../../scripts/make_table.py"
 
 
 rule compare_with_paper:
     input:
-        tables=table_files(["csv"]),
+        tables=expand(f"{RESULTS}/tables/table_{{table}}.csv", table=SETTINGS.tables),
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",
@@ -37,33 +46,51 @@ rule compare_with_paper:
         agreement=f"{RESULTS}/published/agreement.csv",
     log:
         f"{RESULTS}/logs/compare_with_paper.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("compare_with_paper"),
+    localrule: True
     script:
         "../../scripts/compare_with_paper.py"
 
 
-rule draw_figure:
+rule draw_lasers:
     input:
-        data=figure_input,
+        lasers=f"{RESULTS}/statistics/lasers.csv",
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
         csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
     log:
-        f"{RESULTS}/logs/draw_figure/{{figure}}.log",
-    conda:
-        "../../environment.yml"
+        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(LASER_FIGURES),
     params:
-        selection=lambda wildcards: FIGURES[wildcards.figure].plain(),
+        selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
-        library=library("draw_figure"),
     script:
-        "../../scripts/draw_figure.py"
+        "../../scripts/draw_lasers.py"
+
+
+rule draw_histogram:
+    input:
+        residuals=lambda wildcards: per_window(
+            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
+            HISTOGRAMS[wildcards.figure].samples,
+        ),
+    output:
+        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
+        png=f"{RESULTS}/figures/figure_{{figure}}.png",
+        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+    log:
+        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(HISTOGRAMS),
+    params:
+        selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/draw_histogram.py"
 
 
 rule write_report:
@@ -72,31 +99,26 @@ rule write_report:
             f"{RESULTS}/recordings/{{sample}}/ledger.json",
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
-        agreement=(
-            f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
-        ),
+        agreement=AGREEMENT,
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
-        sets=set_files(["csv"]),
+        sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != NOMINAL],
-        figure_pngs=figure_files(["png"]),
-        figure_csvs=figure_files(["csv"]),
+        pictures=figure_files(FIGURES, ["png"]),
+        numbers=figure_files(FIGURES, ["csv"]),
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
-        field_csv=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],
-        field_pngs=expand(
+        field_table=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],
+        field_pictures=expand(
             f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.unsurveyed
         ),
-        outdoor_csv=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
-        outdoor_pngs=expand(
-            f"{RESULTS}/figures/figure_{{number}}.png", number=OUTDOOR_FIGURES
-        ),
+        outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
+        outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
     output:
         report_html=f"{RESULTS}/report.html",
     log:
         f"{RESULTS}/logs/write_report.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
         title=SETTINGS.study,
         simulated=bool(WORLD),
@@ -106,6 +128,5 @@ rule write_report:
         factory_scanners=[
             name for name, path in STUDY.factories.items() if path != NOMINAL
         ],
-        library=library("write_report"),
     script:
         "../../scripts/write_report.py"

@@ -19,12 +19,9 @@ if SEEDS:
             agreement=f"{RESULTS}/seeds/{{seed}}.csv",
         log:
             f"{RESULTS}/logs/replicate_study/{{seed}}.log",
-        conda:
-            "../../environment.yml"
         params:
             config=SETTINGS.plain(),
             rotations=SEEDS.rotations,
-            library=library("replicate_study"),
         script:
             "../../scripts/replicate_study.py"
 
@@ -37,11 +34,9 @@ if SEEDS:
             agreement=f"{RESULTS}/seeds/agreement.csv",
         log:
             f"{RESULTS}/logs/summarise_seeds.log",
-        conda:
-            "../../environment.yml"
+        localrule: True
         params:
             seeds=list(range(1, SEEDS.count + 1)),
-            library=library("summarise_seeds"),
         script:
             "../../scripts/summarise_seeds.py"
 
@@ -52,13 +47,10 @@ if SEEDS:
             constants=f"{RESULTS}/seeds/constants.csv",
         log:
             f"{RESULTS}/logs/tune_world.log",
-        conda:
-            "../../environment.yml"
         params:
             config=SETTINGS.plain(),
             rotations=SEEDS.rotations,
             seeds=2,
             iterations=2,
-            library=library("tune_world"),
         script:
             "../../scripts/tune_world.py"

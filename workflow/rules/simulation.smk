@@ -9,6 +9,12 @@
 # A sample is simulated if its row names a recording below {results}/simulation; a row that names
 # another file uses that file. Nothing downstream can tell the difference.
 
+
+TRUTH_FILES = expand(
+    f"{RESULTS}/simulation/truth/{{scanner}}.csv",
+    scanner=STUDY.scanners if WORLD else [],
+)
+
 if WORLD:
 
     rule simulate_recording:
@@ -18,13 +24,10 @@ if WORLD:
             recording=f"{RESULTS}/simulation/recordings/{{sample}}.bin",
         log:
             f"{RESULTS}/logs/simulate_recording/{{sample}}.log",
-        conda:
-            "../../environment.yml"
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
             rotations=SETTINGS.simulation.rotations,
-            library=library("simulate_recording"),
         script:
             "../../scripts/simulate_recording.py"
 
@@ -36,10 +39,7 @@ if WORLD:
             truth=f"{RESULTS}/simulation/truth/{{scanner}}.csv",
         log:
             f"{RESULTS}/logs/simulate_factory/{{scanner}}.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_factory"),
+        localrule: True
         script:
             "../../scripts/simulate_factory.py"
 
@@ -54,9 +54,5 @@ if WORLD:
             base_readings=f"{RESULTS}/simulation/survey/base_readings.csv",
         log:
             f"{RESULTS}/logs/simulate_survey.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("simulate_survey"),
         script:
             "../../scripts/simulate_survey.py"

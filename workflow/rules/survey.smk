@@ -11,6 +11,7 @@
 #       residuals; planes with covariance, flatness and corners, in the scanner frame
 
 SURVEY, OBSERVATIONS = STUDY.coordinates, STUDY.observations
+SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
 
 if OBSERVATIONS:
 
@@ -31,10 +32,6 @@ if OBSERVATIONS:
             accuracy=f"{RESULTS}/survey/network.csv",
         log:
             f"{RESULTS}/logs/adjust_network.log",
-        conda:
-            "../../environment.yml"
-        params:
-            library=library("adjust_network"),
         script:
             "../../scripts/adjust_network.py"
 
@@ -46,11 +43,8 @@ if OBSERVATIONS:
             png=f"{RESULTS}/survey/network.png",
         log:
             f"{RESULTS}/logs/draw_network.log",
-        conda:
-            "../../environment.yml"
         params:
             simulated=bool(WORLD),
-            library=library("draw_network"),
         script:
             "../../scripts/draw_network.py"
 
@@ -65,11 +59,9 @@ rule adjust_survey:
         survey=f"{RESULTS}/survey/{{position}}.json",
     log:
         f"{RESULTS}/logs/adjust_survey/{{position}}.log",
-    conda:
-        "../../environment.yml"
+    localrule: True
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
         names=lambda wildcards: list(STUDY.assignment.planes),
-        library=library("adjust_survey"),
     script:
         "../../scripts/adjust_survey.py"

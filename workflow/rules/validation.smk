@@ -8,6 +8,12 @@
 #       {results}/statistics/lasers.csv, summary.csv                all of them; one row a window
 
 
+STATISTICS_FILES = expand(
+    f"{RESULTS}/statistics/{{name}}.csv",
+    name=("lasers", "summary") if STUDY.surveyed else (),
+)
+
+
 rule residuals_calibration:
     input:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
@@ -19,12 +25,9 @@ rule residuals_calibration:
         statistics=f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv",
     log:
         f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        library=library("residuals_calibration"),
     script:
         "../../scripts/residuals_calibration.py"
 
@@ -43,8 +46,6 @@ rule residuals_validation:
         statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
     log:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
-    conda:
-        "../../environment.yml"
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         set_names=lambda wildcards: list(
@@ -52,7 +53,6 @@ rule residuals_validation:
         ),
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         validation=lambda wildcards: STUDY.validation.plain(),
-        library=library("residuals_validation"),
     script:
         "../../scripts/residuals_validation.py"
 
@@ -72,9 +72,6 @@ rule summarise_statistics:
         summary=f"{RESULTS}/statistics/summary.csv",
     log:
         f"{RESULTS}/logs/summarise_statistics.log",
-    conda:
-        "../../environment.yml"
-    params:
-        library=library("summarise_statistics"),
+    localrule: True
     script:
         "../../scripts/summarise_statistics.py"

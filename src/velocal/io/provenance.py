@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import hashlib
 import platform
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -15,58 +17,122 @@ PACKAGE = Path(__file__).parents[1]
 NUMERICAL = ("velocal", "numpy", "scipy", "pandas", "pyarrow", "matplotlib", "snakemake")
 
 
+#: Distributions whose version is in the digest of every script that imports them.
+IMPORTED = frozenset({"numpy", "scipy", "pandas", "pyarrow", "matplotlib", "jinja2"})
+
+
+@dataclass(frozen=True)
+class Source:
+    """What one file contributes to the digest of a script.
+
+    Attributes
+    ----------
+    content : bytes
+        Syntax tree of a module without comments and docstrings; bytes of a data file.
+    files : frozenset of Path
+        Modules of the package that it imports anywhere in its text, and data files beside it that
+        it names.
+    distributions : frozenset of str
+        Distributions of `IMPORTED` that it imports.
+    """
+
+    content: bytes
+    files: frozenset[Path] = frozenset()
+    distributions: frozenset[str] = frozenset()
+
+
+class _WithoutDocstrings(ast.NodeTransformer):
+    """Removes texts that stand alone: docstrings, which change no result."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        lonely = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        return None if lonely else node
+
+
 @cache
-def _imported(path: Path) -> frozenset[Path]:
-    """Modules that a file imports anywhere in its text, and data files beside it that it names."""
+def _source(path: Path) -> Source:
     if path.suffix != ".py":
-        return frozenset()
+        return Source(path.read_bytes())
     text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
     beside = (path.parent, path.parent / "data") if path.is_relative_to(PACKAGE) else ()
-    found = {
+    files = {
         data
         for folder in beside
         for data in folder.glob("*")
         if data.is_file() and data.suffix != ".py" and f'"{data.name}"' in text
     }
-    for node in ast.walk(ast.parse(text)):
-        names: list[str] = []
+    distributions = set()
+    for name in _imports(tree):
+        head, *rest = name.split(".")
+        if head in IMPORTED:
+            distributions.add(head)
+        if head != PACKAGE.name:
+            continue
+        for depth in range(len(rest) + 1):
+            place = PACKAGE.joinpath(*rest[:depth])
+            module = place.with_suffix(".py") if depth else place / "__init__.py"
+            files.update(file for file in (module, place / "__init__.py") if file.is_file())
+    content = ast.dump(_WithoutDocstrings().visit(tree)).encode()
+    return Source(content, frozenset(files), frozenset(distributions))
+
+
+def _imports(tree: ast.AST) -> Iterator[str]:
+    """Full names that a module imports; those that `from a import b` takes may be modules too."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            # `from a import b`: b may be a module of its own.
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        for name in names:
-            head, *rest = name.split(".")
-            if head != PACKAGE.name:
-                continue
-            for depth in range(len(rest) + 1):
-                place = PACKAGE.joinpath(*rest[:depth])
-                module = place.with_suffix(".py") if depth else place / "__init__.py"
-                found.update(file for file in (module, place / "__init__.py") if file.is_file())
-    return frozenset(found)
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 def library_files(script: Path) -> list[Path]:
-    """Files of the package that a script imports, directly or through others, sorted."""
+    """Files of the package that a script imports, directly or through others, sorted.
+
+    Parameters
+    ----------
+    script : Path
+
+    Returns
+    -------
+    list of Path
+    """
     done: set[Path] = set()
-    open_: set[Path] = set(_imported(script))
+    open_: set[Path] = set(_source(script).files)
     while open_:
         file = open_.pop()
         done.add(file)
-        open_ |= _imported(file) - done
+        open_ |= _source(file).files - done
     return sorted(done)
 
 
 def library_digest(script: Path) -> str:
-    """Digest of the content of `library_files`: it changes when any of them does.
+    """Digest of what can change the results of a script but is not in its own text.
 
-    Snakemake sees when a script changes, but not when a module that it imports does; as a
-    parameter of the rule this digest tells it.
+    These are the content of `library_files`, without comments and docstrings, and the versions of
+    the distributions that the script or one of these files imports. Snakemake sees when a script
+    changes, but not when a module that it imports does; as a parameter of the rule this digest
+    tells it.
+
+    Parameters
+    ----------
+    script : Path
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
     """
     digest = hashlib.sha256()
+    used = set(_source(script).distributions)
     for file in library_files(script):
+        source = _source(file)
+        used |= source.distributions
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0")
-        digest.update(file.read_bytes() + b"\0")
+        digest.update(source.content + b"\0")
+    for name in sorted(used):
+        digest.update(f"{name} {metadata.version(name)}\0".encode())
     return digest.hexdigest()[:16]
 
 

@@ -158,7 +158,10 @@ def convert(value: Any, type_: Any, where: str) -> Any:
     if type_ is Any:
         return value
     if origin in (Union, UnionType):
-        (some,) = [each for each in inner if each is not NoneType]
+        known = [each for each in inner if each is not NoneType]
+        if len(known) != 1:
+            raise ScriptError(f"{type_} states more than one type", where=where)
+        some = known[0]
         empty = value is None or (not isinstance(value, (str, Mapping)) and _is_empty(value))
         return None if empty else convert(value, some, where)
     if (origin or type_) in (list, tuple, Sequence):

@@ -363,7 +363,7 @@ class Methods(Section):
     runs: int = Field(
         default=500,
         ge=2,
-        description="runs of the Monte Carlo check of the stated uncertainty, "
+        description="runs of the Monte Carlo check of the stated uncertainty by `make coverage`, "
         "`methods/coverage.csv`",
     )
     calibration: Names = Field(description="samples that every method is adjusted on")

@@ -1,0 +1,32 @@
+"""Histogram of the residuals of one laser with its numbers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from velocal.io import schemas, storage
+from velocal.io.scripts import run
+from velocal.reporting.figures import lasers as figures
+
+
+def main(
+    *,
+    residuals: list[Path],
+    svg: Path,
+    png: Path,
+    csv: Path,
+    selection: Mapping[str, Any],
+    sigma_cm: float,
+    simulated: bool,
+) -> None:
+    """Write the figure as SVG and PNG and its numbers as CSV; the windows are taken together."""
+    names = ["laser_id", "before_m", "after_m"]
+    windows = [storage.read_table(path, schemas.RESIDUALS, names)[0] for path in residuals]
+    numbers = figures.histogram(*figures.residuals_of(windows, selection))
+    figure = figures.draw_histogram(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
+    figures.save(figure, svg, png)
+    storage.write_csv(csv, numbers)
+
+
+if "snakemake" in globals():
+    run(main, snakemake)

@@ -1,0 +1,39 @@
+"""Assignment of returns to planes: the plane that a beam meets first."""
+
+import numpy as np
+import pytest
+
+from velocal.geometry.planes import Patch, Plane
+from velocal.reduction.assignment import NO_PLANE, Gates, assign
+from velocal.scanner.parameters import LaserParameters
+
+#: The largest difference of ranges admits both planes of a pair, which are 0.1 m apart.
+LIMITS = Gates(distance_m=0.2, edge_m=0.0, incidence_rad=np.deg2rad(80.0))
+
+
+def ahead(name, y, aside=0.0):
+    """Square patch of 2 m across the Y axis, `y` metres ahead and `aside` metres to the right."""
+    corners = np.array([[aside + x, y, z] for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    return Patch(name, Plane(np.array([0.0, 1.0, 0.0]), -y, np.zeros((4, 4))), corners)
+
+
+def plane_hit(patches, distance_m):
+    """Index of the patch that is assigned to one horizontal beam along Y."""
+    zero = LaserParameters(*np.zeros((5, 1)))
+    given = np.array([distance_m]), np.zeros(1), np.zeros(1, dtype=int)
+    return int(assign(*given, zero, patches, LIMITS)[0])
+
+
+@pytest.mark.parametrize("distance_m", [2.95, 3.0, 3.05, 3.1])
+def test_the_first_of_two_planes_behind_each_other_is_hit(distance_m):
+    """Neither the order of the planes matters, nor which of them the range is nearer to."""
+    near, far = ahead("near", 3.0), ahead("far", 3.1)
+    assert plane_hit([near, far], distance_m) == 0
+    assert plane_hit([far, near], distance_m) == 1
+
+
+def test_a_plane_is_hit_past_the_edge_of_a_nearer_one():
+    beside, far = ahead("near", 3.0, aside=1.5), ahead("far", 3.1)
+    assert plane_hit([beside, far], 3.05) == 1
+    assert plane_hit([far, beside], 3.05) == 0
+    assert plane_hit([beside], 3.05) == NO_PLANE

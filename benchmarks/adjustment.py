@@ -14,7 +14,7 @@ from velocal.adjustment.lasers import adjust_all
 from velocal.io import schemas, storage
 from velocal.simulation import truth, world
 from velocal.study.config import Adjustments
-from velocal.survey.station import observations, patches_of, uncertainty_of
+from velocal.survey.station import read_station
 
 ROOT = Path(__file__).parents[1]
 
@@ -24,7 +24,7 @@ def main(results: Path, sample: str, window: str, position: str = "P2") -> None:
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text())["adjustment"]
     simulated = world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text()))
     factory = truth.factory_parameters(simulated, "HDL-64E")
-    station = storage.read_json(results / f"survey/{position}.json")
+    station = read_station(results / f"survey/{position}.json")
 
     def read(kind: str, schema: object) -> Callable[[], object]:
         path = results / kind / sample / f"{window}.parquet"
@@ -33,11 +33,11 @@ def main(results: Path, sample: str, window: str, position: str = "P2") -> None:
     columns, _ = storage.read_table(
         results / f"assigned/{sample}/{window}.parquet", schemas.ASSIGNED
     )
-    data = observations(columns, patches_of(station))
+    data = station.observations(columns)
 
     def adjust(method: str) -> Callable[[], object]:
         chosen = Adjustments.model_validate(config | {"method": method})
-        model = chosen.stochastic([uncertainty_of(station)])
+        model = chosen.stochastic([station.uncertainty()])
         names, solver = chosen.parameters, chosen.solver()
         return lambda: adjust_all(data, factory, names, solver, model)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from velocal.calibration.convert import RANGES_M, apart, convert, exported
+from velocal.calibration.convert import RANGES_M, convert, for_program, max_point_distance
 from velocal.calibration.dialects import DIALECTS, MANUAL, PAPER
 from velocal.calibration.files import formats
 from velocal.scanner.models import SCANNERS
@@ -39,29 +39,32 @@ def differences(path: Path) -> str:
     programs = {name: (dialect, None) for name, dialect in DIALECTS.items() if dialect != MANUAL}
     programs["mrpt, if it applied alpha"] = (mrpt, None)
     for name in ("veloview", "velodyne_decoder"):
-        programs[f"{name}, turning at 10 Hz"] = (DIALECTS[name], "HDL-64E")
+        programs[f"{name}, interpolating at 10 Hz"] = (DIALECTS[name], SCANNERS["HDL-64E"])
     lines = [
         row(f"`{path.name}`", *(f"{range_m:g} m" for range_m in RANGES_M)),
         row("---", *["---"] * len(RANGES_M)),
     ]
     for name, (dialect, scanner) in programs.items():
-        metres = apart((MANUAL, parameters), (dialect, parameters), scanner=scanner)
+        metres = max_point_distance((MANUAL, parameters), (dialect, parameters), scanner=scanner)
         lines.append(row(name, *sizes(metres)))
     return "\n".join(lines)
 
 
 def leftovers() -> str:
     """What is left of the difference after a set of this project is exported."""
-    names = ("HDL-64E", "HDL-32E", "VLP-16")
-    lines = [row("export to", *names, "and with `--rate-hz 10`"), row("---", *["---"] * 4)]
+    names = ("HDL-64E", "HDL-32E", "VLP-16", "VLP-32C", "VLS-128")
+    lines = [
+        row("export to", *names, "and with `--rate-hz 10`"),
+        row("---", *["---"] * (len(names) + 1)),
+    ]
     for name, dialect in DIALECTS.items():
         cells, turned = [], []
-        for scanner in names:
-            design = nominal(SCANNERS[scanner])
-            pair = (PAPER, design), (dialect, exported(design, name))
-            cells.append(f"{100 * apart(*pair, (80.0,), scanner=scanner).max():.1f}")
+        for scanner in (SCANNERS[each] for each in names):
+            design = nominal(scanner)
+            pair = (PAPER, design), (dialect, for_program(design, name))
+            cells.append(f"{100 * max_point_distance(*pair, (80.0,), scanner=scanner).max():.1f}")
             known = convert(design, PAPER, dialect, scanner=scanner, rate_hz=10.0, inexact=True)
-            left = apart((PAPER, design), (dialect, known), (80.0,), scanner=scanner)
+            left = max_point_distance((PAPER, design), (dialect, known), (80.0,), scanner=scanner)
             turned.append(f"{100 * left.max():.1f}")
         lines.append(row(name, *cells, ", ".join(turned)))
     return "\n".join(lines)

@@ -17,11 +17,11 @@ import pandas as pd
 from velocal.adjustment.lasers import Observations, adjust_all
 from velocal.evaluation import panels as outdoor
 from velocal.evaluation import planes_in_data as field
-from velocal.scanner.beam import laser_beams
+from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
-from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.simulation.scene import Scene, cast, site_scene
 from velocal.study.model import read_yaml
 from velocal.study.study import read_study
 
@@ -45,7 +45,7 @@ def shots(simulated, scanner, scene: Scene, ticks):
 
 def adjusted(simulated, scanner, position, sample, adjustment):
     """Corrections of one sample on the surveyed field."""
-    scene = field_scene(simulated, scanner, position)
+    scene = site_scene(simulated, scanner, position)
     phi, lasers, _, raw, surface = shots(simulated, scanner, scene, np.arange(0, AZIMUTH_TICKS, 27))
     hit = (surface >= 0) & (surface < PLANES)
     raw = raw + truth.drift(simulated, scanner, sample).mean(axis=0)[lasers]
@@ -101,7 +101,8 @@ def sample(simulated, row, candidates, section):
     noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
     noise *= np.hypot(1.0, simulated.outdoor["kinds"][row.kind]["fog"]["noise"])
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
-    cloud = field.Cloud.of(raw, phi, lasers, candidates[outdoor.BEFORE])
+    beams = Beams(raw, phi, lasers, scanner.distance_tick_m)
+    cloud = field.Cloud.from_beams(beams, candidates[outdoor.BEFORE])
     panels = outdoor.Panels(
         row.distance_m, np.deg2rad(row.azimuth_deg), section.panels, section.fit.depth_m
     )

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from velocal.adjustment import tabulate
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
 from velocal.study.config import Adjustment
-from velocal.survey.station import observations, patches_of, uncertainty_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -24,16 +24,18 @@ def main(
 ) -> None:
     """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
-    station = storage.read_json(survey)
+    station = read_station(survey)
+    factory = read_or_nominal(calibration, scanner_named(scanner))
     results = adjust_all(
-        observations(columns, patches_of(station)),
-        read_or_nominal(calibration, scanner_named(scanner)),
+        station.observations(columns),
+        factory,
         config.parameters,
         config.solver(),
-        config.stochastic([uncertainty_of(station)]),
+        config.stochastic([station.uncertainty()]),
     )
-    storage.write_csv(adjustment, tabulate.corrections(results))
-    storage.write_csv(covariance, tabulate.covariances(results))
+    found = CalibrationSet.from_adjustments(results, factory)
+    storage.write_csv(adjustment, found.to_columns())
+    storage.write_csv(covariance, found.covariance_columns())
 
 
 if "snakemake" in globals():

@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.survey.station import adjust_station, as_dict
-from velocal.survey.targets import read_targets, with_covariance
+from velocal.survey.station import Station
+from velocal.survey.targets import SurveyCovariances, read_targets
 
 
 def main(
@@ -22,19 +20,20 @@ def main(
     names: list[str],
 ) -> None:
     """Write pose and planes, with covariances and residuals, as JSON."""
-    field = read_targets(base_field, "position").of(position, where=str(base_field))
-    known = storage.read_json(covariance) if covariance else {}
-    if known:
-        field = with_covariance(field, known["base_field"][position], where=str(covariance))
-    station = adjust_station(
+    base_site = read_targets(base_field, "position").of(position, where=str(base_field))
+    known = None
+    if covariance:
+        known = SurveyCovariances.from_json(storage.read_json(covariance))
+        base_site = known.of_base(base_site, position, where=str(covariance))
+    station = Station.adjust(
         read_targets(planes, "plane"),
         read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner)),
-        field,
+        base_site,
         names,
-        covariances={name: np.array(found) for name, found in known.get("planes", {}).items()},
+        covariances=known.planes if known else None,
         where=str(planes),
     )
-    storage.write_json(survey, {"position": position, "scanner": scanner, **as_dict(station)})
+    storage.write_json(survey, station.to_json())
 
 
 if "snakemake" in globals():

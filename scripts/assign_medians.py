@@ -5,10 +5,11 @@ from pathlib import Path
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.scans import assigned_scan
+from velocal.reduction.assignment import assigned_rows
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Limits
-from velocal.survey.station import patches_of
+from velocal.study.config import AssignmentLimits
+from velocal.survey.station import read_station
 
 
 def main(
@@ -18,21 +19,15 @@ def main(
     calibration: Path | None,
     assigned: Path,
     scanner: str,
-    limits: Limits,
+    limits: AssignmentLimits,
 ) -> None:
     """Write the medians that lie on a plane as Parquet."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    patches = read_station(survey).patches
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
-    rows = assigned_scan(
-        columns,
-        known,
-        facts["rotation_rate_hz"],
-        parameters,
-        patches,
-        limits.gates(),
-    )
+    beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, parameters, patches, limits.metric())
     storage.write_table(
         assigned,
         schemas.ASSIGNED,

@@ -13,7 +13,7 @@ from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import scanner_named
 from velocal.study.config import Adjustment
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -39,13 +39,12 @@ def main(
 
     `samples` and `positions` are those of every file of assigned medians.
     """
-    stations = map(storage.read_json, surveys)
-    patches = {station["position"]: patches_of(station) for station in stations}
+    stations = {station.position: station for station in map(read_station, surveys)}
     stood = dict(zip(samples, positions, strict=True))
     windows: dict[str, list[Observations]] = {sample: [] for sample in samples}
     for path, sample in zip(assigned, samples, strict=True):
         columns, _ = storage.read_table(path, schemas.ASSIGNED)
-        windows[sample].append(observations(columns, patches[stood[sample]]))
+        windows[sample].append(stations[stood[sample]].observations(columns))
     known, other = (
         [methods.SampleData(stood[name], windows[name]) for name in names]
         for names in (calibrate_on, check_on)

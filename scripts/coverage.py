@@ -1,4 +1,4 @@
-"""Hold stated standard deviations against the truth of the simulated world."""
+"""Compare stated standard deviations with true errors in the simulated world."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ from velocal.simulation.coverage import (
 from velocal.simulation.draws import full_draws, geometry, white_draws
 from velocal.study.config import Adjustment
 
-#: Position of each scanner, and of how many lasers one is simulated.
+#: Position of each scanner, and the step from one simulated laser to the next.
 POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}
 SEED = 1
 
@@ -39,7 +39,7 @@ def main(
         config = adjustment[scanner].stochastic()
         white = white_only(config)
         at = geometry(simulated, scanner, POSITIONS[scanner], every=EVERY[scanner])
-        # v cannot be told from dl by most lasers; the bound without it stands for them.
+        # The data of most lasers do not separate v from dl: these are checked without v.
         for some in (names, tuple(name for name in names if name != "v")):
             seen = observable_only(at, white, some)
             bound = cramer_rao(seen, white, some)
@@ -50,7 +50,7 @@ def main(
         every = list(full_draws(at, config, names, runs, SEED))
         for kind, model, method, solver, n in (
             ("unit", of_unit(config, at.errors), "prior", WithPrior(), runs),
-            ("unit", of_unit(config, at.errors), "paper", PaperModel(1.0), runs // 4),
+            ("unit", of_unit(config, at.errors), "paper", PaperModel(truncate_at=1.0), runs // 4),
             ("configured", config, "prior", WithPrior(), runs // 4),
         ):
             case = {"case": f"full: sizes {kind}", "scanner": scanner, "method": method}

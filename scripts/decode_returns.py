@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from velocal.capture.reading import Choice
+from velocal.capture.source import SourceFilter
 from velocal.io.scripts import run
 from velocal.recording.returns import write_returns
 from velocal.recording.windows import read_index, window_rotations
@@ -24,8 +24,8 @@ def main(
     """Write the returns of the window's rotations as Parquet."""
     index = read_index(rotations)
     chosen = window_rotations(index, window, length, str(recording))
-    known, choice = scanner_named(scanner), Choice(port, address)
-    write_returns(recording, index, chosen, known, returns, returns=which, choice=choice)
+    known, source = scanner_named(scanner), SourceFilter(port, address)
+    write_returns(recording, index, chosen, known, returns, returns=which, source=source)
 
 
 if "snakemake" in globals():

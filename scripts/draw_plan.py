@@ -12,8 +12,8 @@ from velocal.io.scripts import run
 from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Limits
-from velocal.survey.station import patches_of, pose_of
+from velocal.study.config import AssignmentLimits
+from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
 
@@ -28,7 +28,7 @@ def main(
     csv: Path,
     samples: list[str],
     selection: Mapping[str, Any],
-    limits: Limits,
+    limits: AssignmentLimits,
     simulated: bool,
 ) -> None:
     """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample.
@@ -41,11 +41,11 @@ def main(
     panels = []
     for sample, path, survey in zip(samples, medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
-        station = storage.read_json(survey)
-        rate, at = facts["rotation_rate_hz"], station["position"]
-        patches, pose = patches_of(station), pose_of(station)
-        view = plan_figure.View(at, sample, scanner, rate, columns, parameters, patches, pose)
-        panels.append(plan_figure.plan(view, surveyed, limits.gates()))
+        at, rate = read_station(survey), facts["rotation_rate_hz"]
+        view = plan_figure.View(
+            at.position, sample, scanner, rate, columns, parameters, at.patches, at.pose
+        )
+        panels.append(plan_figure.plan(view, surveyed, limits.metric()))
     numbers = pd.concat(panels, ignore_index=True)
     figures.save(plan_figure.draw_plan(numbers, selection, simulated=simulated), svg, png)
     storage.write_csv(csv, numbers)

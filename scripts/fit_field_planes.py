@@ -12,6 +12,7 @@ from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import field_planes
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.study.config import Box, PlaneSearch
 
@@ -34,7 +35,8 @@ def main(
     known = scanner_named(scanner)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
-    cloud = field.Cloud.of_medians(columns, known, facts["rotation_rate_hz"], parameters)
+    beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+    cloud = field.Cloud.from_beams(beams, parameters)
     found, findings = field_search.planes_of(cloud, patches, field.Search.from_config(search))
     heading = {"sample": sample, "scanner": scanner}
     rows, statistics = field.tabulate(found, cloud, columns, heading, sigma_cm * 1e-2)

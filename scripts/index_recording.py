@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from velocal.calibration.files import db_xml
-from velocal.calibration.files.document import Calibration
-from velocal.capture.reading import Choice
+from velocal.calibration.files.document import CalibrationFile
+from velocal.capture.source import SourceFilter
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
@@ -28,7 +28,7 @@ def main(
     Where a file for it is given, the calibration embedded in the status bytes is written as well,
     every value as the wire holds it; that it is not there is an error then.
     """
-    inspection = inspect(recording, choice=Choice(port, address))
+    inspection = inspect(recording, source=SourceFilter(port, address))
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
@@ -36,7 +36,7 @@ def main(
     if calibration:
         # Not `formats.write`: a change of another format would have every recording scanned again.
         embedded = inspection.status.calibration(str(recording))
-        db_xml.write(calibration, Calibration(embedded))
+        db_xml.write(calibration, CalibrationFile(embedded))
 
 
 if "snakemake" in globals():

@@ -45,8 +45,8 @@ def main(
             check_scanner(inspection, known, str(path))
             first = mapping.first_complete(inspection.index.complete, str(path))
             rate = inspection.index.rate_hz(first)
-            for columns in returns_of(path, inspection.index, first, known):
-                writer.write(mapping.rows(number, columns, known, rate, sets, pose))
+            for returns in returns_of(path, inspection.index, first, known):
+                writer.write(mapping.rows(number, returns.columns(), known, rate, sets, pose))
 
 
 if "snakemake" in globals():

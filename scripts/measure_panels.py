@@ -12,6 +12,7 @@ from velocal.evaluation.planes_in_data import Cloud
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.returns import read_short
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.study.config import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
@@ -33,7 +34,7 @@ def main(
     known = scanner_named(sample.scanner)
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
-    cloud = Cloud.of_medians(returns, known, found.index.rate_hz(), factory)
+    cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
     candidates = {outdoor.BEFORE: factory}
     candidates |= {
         name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)

@@ -1,11 +1,11 @@
-"""Reduce returns to medians per laser and angle cell."""
+"""Reduce returns to medians per laser and azimuth bin."""
 
 from dataclasses import asdict
 from pathlib import Path
 
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.medians import cell_medians
+from velocal.reduction.medians import binned_medians
 from velocal.scanner.models import scanner_named
 
 
@@ -17,17 +17,17 @@ def main(
     azimuth_bin_ticks: int,
     min_count: int,
 ) -> None:
-    """Write the medians as Parquet; the cell defaults to the scanner's."""
+    """Write the medians as Parquet."""
     known = scanner_named(scanner)
     columns, facts = storage.read_table(
         returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
     )
-    reduced = cell_medians(
+    reduced = binned_medians(
         columns["azimuth"],
         columns["laser_id"],
         columns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=azimuth_bin_ticks,
+        bin_ticks=azimuth_bin_ticks,
         min_count=min_count,
     )
     facts |= {"cell_ticks": azimuth_bin_ticks, "min_count": min_count}

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from velocal.adjustment.tabulate import read_corrections
+from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.beam import points
 from velocal.scanner.models import scanner_named
-from velocal.survey.station import observations, patches_of
+from velocal.survey.station import read_station
 
 
 def main(
@@ -28,9 +28,9 @@ def main(
     """Write s of every median as Parquet and its statistics per laser as CSV."""
     known = scanner_named(scanner)
     columns, facts = storage.read_table(assigned, schemas.ASSIGNED)
-    data = observations(columns, patches_of(storage.read_json(survey)))
+    data = read_station(survey).observations(columns)
     factory = read_or_nominal(calibration, known)
-    adjusted = factory.corrected(read_corrections(storage.read_csv(adjustment)).value)
+    adjusted = CalibrationSet.from_columns(storage.read_csv(adjustment), factory).adjusted
     s = {"before": data.misclosure(factory), "after": data.misclosure(adjusted)}
     xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}

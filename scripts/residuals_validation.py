@@ -6,10 +6,11 @@ from velocal.calibration.files import formats
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Limits, Validation
-from velocal.survey.station import observations, patches_of
+from velocal.study.config import AssignmentLimits, Validation
+from velocal.survey.station import read_station
 
 
 def main(
@@ -23,18 +24,19 @@ def main(
     window: str,
     scanner: str,
     set_names: list[str],
-    limits: Limits,
+    limits: AssignmentLimits,
     validation: Validation,
 ) -> None:
     """Write the statistics per laser as CSV."""
     known = scanner_named(scanner)
-    patches = patches_of(storage.read_json(survey))
+    station = read_station(survey)
     rotations = validation.rotations
     columns, facts = storage.read_first(returns, schemas.RETURNS, "rotation", rotations, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, rotations)
-    rows = assigned_scan(scan, known, facts["rotation_rate_hz"], factory, patches, limits.gates())
-    data = observations(rows, patches)
+    beams = Beams.from_ticks(scan, known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, factory, station.patches, limits.metric())
+    data = station.observations(rows)
     candidates = {"before": factory} | {
         name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
     }

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from velocal.calibration.files import formats
-from velocal.calibration.files import velocal_csv as table
 from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.truth import factory_parameters, unit_truth
@@ -19,7 +18,7 @@ def main(
     """Write db.xml of the factory, and the true parameters as CSV."""
     simulated = world.read(world_file)
     formats.write(factory, factory_parameters(simulated, scanner))
-    table.write(truth, unit_truth(simulated, scanner).parameters)
+    formats.write(truth, unit_truth(simulated, scanner).parameters)
 
 
 if "snakemake" in globals():

@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.survey import field_book
-from velocal.survey.network.observations import write_field_book
+from velocal.survey.network.field_book import write_field_book
 
 
 def main(
@@ -17,7 +17,7 @@ def main(
     base_sights: Path,
     base_readings: Path,
 ) -> None:
-    """Write control points, sights, image rays, and readings of the scanners' bases."""
+    """Write the observation files of the survey."""
     simulated = world.read(world_file)
     camera = simulated.survey["camera"]
     paths = {"points": points, "network": network, "images": images}

@@ -12,7 +12,7 @@ hardly changes with the rotational angle, so that its rounding errors are alike 
 
 import numpy as np
 import pytest
-from closed_loop.chain import Loop, run, study_world
+from support.chain import Loop, run, study_world
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel
@@ -41,14 +41,14 @@ def loop(request, tmp_path_factory) -> tuple[Loop, float]:
         planes=("short_wall", "long_wall", "floor"),
         solver=PaperModel(truncate_at=1.0),
         # Half a tick is what is known of a misclosure here.
-        stochastic=Stochastic(TICK_M / 2, PRIOR),
+        stochastic=Stochastic(noise_std_m=TICK_M / 2, prior_std=PRIOR),
     )
     return result, half_step
 
 
 def bounds(loop: Loop, laser: int, half_step: float) -> tuple[np.ndarray, np.ndarray]:
     """Worst and expected error of the parameters of a laser."""
-    own = loop.observations.of(laser)
+    own = loop.observations.of_laser(laser)
     _, matrix = own.design(loop.true)
     alpha = matrix[:, PARAMETERS.index("alpha")]
     error = TICK_M / 2 + np.abs(alpha) * half_step
@@ -60,7 +60,7 @@ def test_observable_parameters_return(loop):
     result, half_step = loop
     free, typical = 0, []
     for laser, adjustment in enumerate(result.adjustments):
-        if adjustment.held:
+        if adjustment.weakly_determined:
             continue
         free += 1
         assert adjustment.converged
@@ -76,20 +76,20 @@ def test_observable_parameters_return(loop):
 
 def test_what_cannot_be_observed_is_named(loop):
     result, _ = loop
-    held = [a for a in result.adjustments if a.held]
-    for adjustment in held:
+    weak = [a for a in result.adjustments if a.weakly_determined]
+    for adjustment in weak:
         assert adjustment.rank < len(NAMES)
         assert "left to the prior" in adjustment.message
-        for name in adjustment.held:
+        for name in adjustment.weakly_determined:
             # What is known of it is what the prior says.
             stated = adjustment.std[NAMES.index(name)]
             assert 0.7 * PRIOR[name] < stated < 1.3 * PRIOR[name]
-            # Held means left where the factory put it, but for its share in what is estimable.
+            # It stays where the factory put it, but for its share in what is estimable.
             assert abs(adjustment.corrections[NAMES.index(name)]) < PRIOR[name]
 
 
 def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
-    """With the walls only and honest noise, v is held nearly everywhere, and said to be."""
+    """With the walls only and honest noise, v is weakly determined nearly everywhere, and named."""
     result = run(
         study_world(),
         "HDL-64E",
@@ -99,11 +99,11 @@ def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
         names=NAMES,
         planes=("short_wall", "long_wall"),
         solver=PaperModel(truncate_at=1.0),
-        stochastic=Stochastic(0.02, PRIOR),
+        stochastic=Stochastic(noise_std_m=0.02, prior_std=PRIOR),
     )
-    held = [laser for laser, a in enumerate(result.adjustments) if "v" in a.held]
-    assert len(held) > 32
-    untouched = [a for a in result.adjustments if "v" in a.held]
+    weak = [laser for laser, a in enumerate(result.adjustments) if "v" in a.weakly_determined]
+    assert len(weak) > 32
+    untouched = [a for a in result.adjustments if "v" in a.weakly_determined]
     assert all(abs(a.corrections[2]) < PRIOR["v"] for a in untouched)
     # The pseudo-inverse at machine precision instead sends some of them far away.
     literal = adjust_all(
@@ -111,7 +111,7 @@ def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
         result.factory,
         NAMES,
         PaperModel(truncate_at=None),
-        Stochastic(0.02, PRIOR),
+        Stochastic(noise_std_m=0.02, prior_std=PRIOR),
     )
     assert max(abs(a.corrections[2]) for a in literal) > 10 * PRIOR["v"]
 
@@ -127,9 +127,9 @@ def test_a_laser_without_points_is_named(loop):
         data.offset[keep],
     )  # fmt: skip
     adjustment = adjust_laser(
-        fewer, 3, result.factory, NAMES, PaperModel(), Stochastic(0.02, PRIOR)
+        fewer, 3, result.factory, NAMES, PaperModel(), Stochastic(noise_std_m=0.02, prior_std=PRIOR)
     )
     assert adjustment.rank == 0
-    assert adjustment.held == NAMES
+    assert adjustment.weakly_determined == NAMES
     assert adjustment.message == "no observations"
     assert not adjustment.corrections.any()

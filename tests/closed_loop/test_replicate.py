@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.paper import printed as published
 from velocal.paper import replicate, statements, tuning

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_loop.chain import run, study_world
+from support.chain import run, study_world
 
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic
@@ -28,7 +28,7 @@ def loops(tmp_path_factory):
             names=NAMES,
             planes=("short_wall", "long_wall", "floor"),
             solver=WithPrior(),
-            stochastic=Stochastic(0.01, PRIOR),
+            stochastic=Stochastic(noise_std_m=0.01, prior_std=PRIOR),
             from_stream=from_stream,
         )
         for from_stream in (False, True)
@@ -59,4 +59,4 @@ def test_the_adjustment_is_the_same_but_for_rounding(loops):
         assert np.abs(ends[1] - ends[0]).max() <= bound
     for before, after in zip(file.adjustments, stream.adjustments, strict=True):
         assert np.std(after.residuals) == pytest.approx(np.std(before.residuals), abs=1e-4)
-        assert after.held == before.held
+        assert after.weakly_determined == before.weakly_determined

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid, closed_form
 from velocal.simulation import survey
@@ -22,7 +22,7 @@ def numbers(world, **how) -> dict[str, float]:
 
 def pose_at(surveyed: Survey, scanner: str, position: str) -> RigidTransformation:
     """`T_field_scanner` with its covariance."""
-    field, own = surveyed.base_field[position], surveyed.readings[scanner].targets
+    field, own = surveyed.base_site[position], surveyed.base_scanner[scanner].targets
     adjusted = adjust_rigid(field.xyz, own.xyz, field.covariance(), own.covariance())
     return adjusted.transformation.inverse()
 
@@ -62,15 +62,15 @@ def test_truth_lies_within_the_stated_accuracy():
         world = replace(study_world(), seed=seed)
         book = survey.field_book(world)
         found = adjust_field_book(book)
-        control = survey.marks(world, world.survey["control"], "control").xyz
-        targets = survey.marks(world, world.field["targets"], "targets").xyz
+        control = survey.true_targets(world, world.survey["control"], "control").xyz
+        targets = survey.true_targets(world, world.site["targets"], "targets").xyz
         frame = in_datum(control, book.control.xyz)
         for name, adjusted, true in (
             ("control", found.control_points, control),
             ("targets", found.planes, targets),
         ):
             inside[name].append(np.mean(np.abs(adjusted.xyz - frame(true)) < 1.96 * adjusted.std))
-        for position, base in found.base_field.items():
+        for position, base in found.base_site.items():
             scanner = world.positions[position]["scanner"]
             true = world.pose(position)
             field = frame(true.apply(survey.base_targets_true(world, scanner).xyz))

@@ -8,7 +8,7 @@ the runs count as independent, which is cautious for everything else.
 import numpy as np
 import pytest
 import yaml
-from closed_loop.chain import WORLD, study_world
+from support.chain import WORLD, study_world
 
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
 from velocal.simulation.coverage import (
@@ -29,7 +29,7 @@ STATIONS = {"HDL-64E": "P2", "HDL-32E": "P5"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", [GaussHelmert(), PaperModel(None)], ids=["A", "B"])
+@pytest.mark.parametrize("solver", [GaussHelmert(), PaperModel(truncate_at=None)], ids=["A", "B"])
 @pytest.mark.parametrize("names", [NAMES, NAMES[:2]], ids=["all three", "dl and alpha"])
 @pytest.mark.parametrize("scanner", STATIONS)
 def test_white_noise_reaches_the_cramer_rao_bound(scanner, names, solver):

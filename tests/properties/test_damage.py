@@ -5,10 +5,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from capture_helpers import pcap, record_list, scan, spin, write
-from container_helpers import containers
 from hypothesis import example, given
 from hypothesis import strategies as st
+from support.capture import pcap, record_list, scan, spin, write
+from support.containers import containers
 
 from velocal.errors import RecordingError
 from velocal.recording.scan import inspect
@@ -63,7 +63,7 @@ def test_every_byte_is_counted(name, operations):
         try:
             found = inspect(path)
         except RecordingError:
-            return  # not one sound packet, or the file header is gone
+            return  # not one valid packet, or the file header is gone
         ledger = found.ledger
         assert ledger.unaccounted_bytes == 0
         parts = [ledger.data, ledger.position, *ledger.rejected.values()]

@@ -1,4 +1,4 @@
-"""Medians per laser and cell, against a loop over the cells."""
+"""Medians per laser and bin, against a loop over the bins."""
 
 import numpy as np
 import pytest
@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from velocal.errors import VelocalError
-from velocal.reduction.medians import cell_medians
+from velocal.reduction.medians import binned_medians
 
 DIVISORS = [width for width in range(1, 36_001) if 36_000 % width == 0]
 
 
-def cell_by_cell(azimuth, laser_id, distance, lasers_per_firing, cell_ticks, min_count):
-    """One row a cell: laser, mean azimuth of the firings, median, spread, count."""
+def bin_by_bin(azimuth, laser_id, distance, lasers_per_firing, bin_ticks, min_count):
+    """One row a bin: laser, mean azimuth of the firings, median, spread, count."""
     rows = []
     for laser in sorted(set(laser_id)):
-        for cell in sorted(set(azimuth // cell_ticks)):
-            there = (laser_id == laser) & (azimuth // cell_ticks == cell)
+        for one_bin in sorted(set(azimuth // bin_ticks)):
+            there = (laser_id == laser) & (azimuth // bin_ticks == one_bin)
             returned = distance[there & (distance > 0)].astype(float)
             if len(returned) < min_count or len(returned) == 0:
                 continue
@@ -32,11 +32,11 @@ def returns(draw: st.DrawFn):
     width, firsts = draw(st.sampled_from([(32, [0, 32]), (32, [0]), (16, [0]), (32, [32])]))
     n = draw(st.integers(1, 60))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    cell_ticks = draw(st.sampled_from(DIVISORS))
-    # Few cells, so that some are hit often; the last of the turn is among them.
-    cells = rng.integers(0, 36_000 // cell_ticks, 3)
-    cells[0] = 36_000 // cell_ticks - 1
-    azimuth = rng.choice(cells, n) * cell_ticks + rng.integers(0, cell_ticks, n)
+    bin_ticks = draw(st.sampled_from(DIVISORS))
+    # Few bins, so that some are hit often; the last of the turn is among them.
+    bins = rng.integers(0, 36_000 // bin_ticks, 3)
+    bins[0] = 36_000 // bin_ticks - 1
+    azimuth = rng.choice(bins, n) * bin_ticks + rng.integers(0, bin_ticks, n)
     first = rng.choice(firsts, n)
     distance = rng.integers(0, draw(st.sampled_from([3, 50, 65_536])), (n, width))
     distance[rng.random((n, width)) < draw(st.sampled_from([0.0, 0.3, 0.95]))] = 0
@@ -45,15 +45,15 @@ def returns(draw: st.DrawFn):
         "laser_id": (first[:, None] + np.arange(width)).reshape(-1).astype(np.uint8),
         "distance": distance.reshape(-1).astype(np.uint16),
         "lasers_per_firing": width,
-        "cell_ticks": cell_ticks,
+        "bin_ticks": bin_ticks,
         "min_count": draw(st.sampled_from([0, 1, 2, 5])),
     }
 
 
 @given(returns())
 def test_against_a_loop(given_returns):
-    found = cell_medians(**given_returns)
-    rows = cell_by_cell(**given_returns)
+    found = binned_medians(**given_returns)
+    rows = bin_by_bin(**given_returns)
     assert len(found.laser_id) == len(rows)
     if not rows:
         return
@@ -73,21 +73,21 @@ def test_the_order_of_the_firings_does_not_matter(given_returns, random):
     shuffled = dict(given_returns)
     for name in ("azimuth", "laser_id", "distance"):
         shuffled[name] = given_returns[name].reshape(-1, width)[order].reshape(-1)
-    first, second = cell_medians(**given_returns), cell_medians(**shuffled)
+    first, second = binned_medians(**given_returns), binned_medians(**shuffled)
     for name in ("laser_id", "distance", "spread", "count"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     np.testing.assert_allclose(first.azimuth, second.azimuth, rtol=2e-7)
 
 
 def one_laser(distances, **options):
-    """Returns of laser 3 of a VLP-16 in one cell; the others see nothing."""
+    """Returns of laser 3 of a VLP-16 in one bin; the others see nothing."""
     rows = np.zeros((len(distances), 16), np.uint16)
     rows[:, 3] = distances
-    return cell_medians(
+    return binned_medians(
         np.full(rows.size, 1234, np.uint16),
         np.tile(np.arange(16, dtype=np.uint8), len(distances)),
         rows.reshape(-1),
-        **{"lasers_per_firing": 16, "cell_ticks": 20, "min_count": 1, **options},
+        **{"lasers_per_firing": 16, "bin_ticks": 20, "min_count": 1, **options},
     )
 
 
@@ -119,10 +119,10 @@ def test_the_spread_of_noise_is_its_standard_deviation():
     assert found.spread[0] == pytest.approx(400, rel=0.03)
 
 
-@pytest.mark.parametrize("cell_ticks", [7, 11, 35_999])
-def test_a_cell_must_divide_the_turn(cell_ticks):
+@pytest.mark.parametrize("bin_ticks", [7, 11, 35_999])
+def test_a_bin_must_divide_the_turn(bin_ticks):
     with pytest.raises(VelocalError, match="does not divide the turn"):
-        one_laser([1, 2], cell_ticks=cell_ticks)
+        one_laser([1, 2], bin_ticks=bin_ticks)
 
 
 def test_rows_must_be_whole_firings():

@@ -123,7 +123,10 @@ def drawn(source):
         of_planes = root @ root.swapaxes(1, 2)
         errors = np.einsum("pij,dpj->dpi", root, rng.normal(size=(DRAWS, 3, 3)))
         planes = [(NORMAL + error[:, :3], OFFSET + error[:, 3]) for error in errors]
-    return SurveyUncertainty(TRANSLATION, pose, of_planes, np.zeros(3)), planes
+    survey = SurveyUncertainty(
+        translation=TRANSLATION, pose=pose, planes=of_planes, flatness_m=np.zeros(3)
+    )
+    return survey, planes
 
 
 @pytest.mark.parametrize("source", ["pose", "planes"])
@@ -146,7 +149,7 @@ def test_errors_of_the_survey_spread_a_laser_as_its_part_says(source):
 
     plane = np.tile(plane, DRAWS)
     data = Observations(distance, phi, laser, NORMAL[plane], OFFSET[plane], plane)
-    model = Stochastic(0.01, PRIOR, survey=(survey,))
+    model = Stochastic(noise_std_m=0.01, prior_std=PRIOR, survey=(survey,))
     found = adjust_all(data, parameters, NAMES, GaussHelmert(), model)
     errors = np.array([result.corrections for result in found])
     stated = found[0].parts[source]

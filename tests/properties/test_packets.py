@@ -4,12 +4,15 @@ import struct
 
 import numpy as np
 import pytest
-from capture_helpers import spin, two_returns
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from support.capture import spin, two_returns
 
 from velocal.packets import data as packets
+from velocal.packets import dual
+from velocal.packets.dual import LAST, STRONGEST
+from velocal.packets.firings import decode
 from velocal.scanner.models import FLAG_LOWER, FLAG_UPPER, SCANNERS
 
 counts = st.integers(min_value=1, max_value=4)
@@ -50,7 +53,7 @@ def test_view_is_the_inverse_of_encode(sent):
         ("status", seen["status"]),
     ):
         np.testing.assert_array_equal(values, sent[name], err_msg=name)
-    flags_known, in_turn = packets.sound(payloads)
+    flags_known, in_turn = packets.check_payloads(payloads)
     assert flags_known.all()
     assert in_turn.all()
 
@@ -74,7 +77,7 @@ def test_encode_follows_the_manuals(sent):
 def test_decode_of_one_firing_a_block(name, data):
     scanner = SCANNERS[name]
     sent = data.draw(fields(scanner.flags))
-    firings = packets.decode(packets.encode(**sent), scanner)
+    firings = decode(packets.encode(**sent), scanner)
     n = len(sent["timestamp"])
     assert len(firings) == 12 * n
     np.testing.assert_array_equal(firings.azimuth, sent["azimuth"].reshape(-1))
@@ -91,7 +94,7 @@ def test_decode_of_one_firing_a_block(name, data):
 
 @given(fields((FLAG_UPPER,)))
 def test_decode_of_two_firings_a_block(sent):
-    firings = packets.decode(packets.encode(**sent), SCANNERS["VLP-16"])
+    firings = decode(packets.encode(**sent), SCANNERS["VLP-16"])
     n = len(sent["timestamp"])
     assert len(firings) == 24 * n
     np.testing.assert_array_equal(firings.azimuth[::2], sent["azimuth"].reshape(-1))
@@ -128,7 +131,7 @@ def test_azimuth_of_a_second_firing(start, step, odd, jump, dual):
         np.zeros(1, np.uint32),
         np.zeros((1, 2), np.uint8),
     )
-    found = packets.decode(payloads, SCANNERS["VLP-16"]).azimuth.astype(int)
+    found = decode(payloads, SCANNERS["VLP-16"]).azimuth.astype(int)
     late = (found[1::2] - found[::2]) % 36_000
     assert set(late) <= {step // 2, (step + 1) // 2}
     assert len(set(late)) == 1
@@ -154,11 +157,11 @@ def test_a_full_turn_is_zero():
         "status": np.zeros((1, 2), np.uint8),
     }
     payloads = packets.encode(**sent)
-    assert [bool(a[0]) for a in packets.sound(payloads)] == [True, True]
-    azimuth = packets.decode(payloads, SCANNERS["VLP-16"]).azimuth
+    assert [bool(a[0]) for a in packets.check_payloads(payloads)] == [True, True]
+    azimuth = decode(payloads, SCANNERS["VLP-16"]).azimuth
     assert list(azimuth[-4:]) == [35_960, 35_980, 0, 20]
     sent["azimuth"][0, 3] = 36_001
-    assert [bool(a[0]) for a in packets.sound(packets.encode(**sent))] == [True, False]
+    assert [bool(a[0]) for a in packets.check_payloads(packets.encode(**sent))] == [True, False]
 
 
 @pytest.mark.parametrize("flag", [0x0000, 0xFFEE, 0xEEFE, 0xAAFF])
@@ -172,7 +175,7 @@ def test_an_unknown_flag_is_not_sound(flag):
         np.zeros((2, 2), np.uint8),
     )
     packets.view(payloads)["blocks"]["flag"][1, 11] = flag
-    known, _ = packets.sound(payloads)
+    known, _ = packets.check_payloads(payloads)
     assert list(known) == [True, False]
 
 
@@ -206,22 +209,22 @@ def test_one_of_two_returns(name, n, seed, zero):
     payloads = two_returns(spin(n, banks=len(scanner.flags), seed=seed))
     if zero:
         packets.view(payloads)["blocks"]["channels"]["distance"][:, 1] = 0
-    assert packets.sound(payloads)[0].all()
-    both = packets.decode(payloads, scanner)
-    kinds = {packets.LAST: [], packets.STRONGEST: []}
+    assert packets.check_payloads(payloads)[0].all()
+    both = decode(payloads, scanner)
+    kinds = {LAST: [], STRONGEST: []}
     for which in kinds:
         rows = both[both.which == which]
         kinds[which] = rows.distance.reshape(-1)
-    chosen = {r: packets.decode(payloads, scanner, r) for r in ("last", "strongest")}
+    chosen = {r: decode(payloads, scanner, r) for r in ("last", "strongest")}
     expected = {"last": [], "strongest": []}
-    lasers, stated = [], {packets.LAST: [], packets.STRONGEST: []}
+    lasers, stated = [], {LAST: [], STRONGEST: []}
     for payload in payloads:
         for flag, azimuth, one, other in shots_by_hand(bytes(payload), PAIRS[len(scanner.flags)]):
             lasers += [32 * scanner.flags.index(flag) + k % scanner.n_lasers for k in range(32)]
             # HDL-64E: the strongest comes first; all others: the last.
             last, strong = (other, one) if scanner.paired else (one, other)
-            stated[packets.LAST] += [distance for distance, _ in last]
-            stated[packets.STRONGEST] += [distance for distance, _ in strong]
+            stated[LAST] += [distance for distance, _ in last]
+            stated[STRONGEST] += [distance for distance, _ in strong]
             for a, b in zip(strong, last, strict=True):
                 expected["last"].append(max(a[0], b[0]))
                 power = [intensity if distance else -1 for distance, intensity in (a, b)]
@@ -237,7 +240,7 @@ def test_one_of_two_returns(name, n, seed, zero):
 
 def test_a_head_that_stands_still_tells_nothing():
     payloads = spin(3, step=0)
-    assert not packets.two_returns(*packets.flags_and_azimuths(packets.view(payloads))).any()
+    assert not dual.two_returns(*packets.flags_and_azimuths(packets.view(payloads))).any()
 
 
 def test_empty_blocks_of_a_vls128():
@@ -246,10 +249,10 @@ def test_empty_blocks_of_a_vls128():
     for empty in (0x0000, 0xFFFF):
         blocks["flag"][:, 8:] = empty
         blocks["azimuth"][:, 8:] = empty
-        assert packets.sound(payloads)[0].all()
-        assert packets.sound(payloads)[1].all()
-        assert len(packets.decode(payloads, SCANNERS["VLS-128"])) == 3 * 8
+        assert packets.check_payloads(payloads)[0].all()
+        assert packets.check_payloads(payloads)[1].all()
+        assert len(decode(payloads, SCANNERS["VLS-128"])) == 3 * 8
     blocks["azimuth"][1, 7] = 36_001
     blocks["flag"][2, 9] = FLAG_UPPER  # neither full nor empty
-    known, turn = packets.sound(payloads)
+    known, turn = packets.check_payloads(payloads)
     assert (list(known), list(turn)) == ([True, True, False], [True, False, False])

@@ -42,7 +42,7 @@ def sent(parameters, series, first, packets) -> np.ndarray:
 def read(trailing, chunk):
     reader = StatusReader()
     for begin in range(0, len(trailing), chunk):
-        reader.take(trailing[begin : begin + chunk])
+        reader.consume(trailing[begin : begin + chunk])
     return reader.result()
 
 

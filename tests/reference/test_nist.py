@@ -1,4 +1,4 @@
-"""The adjustment's core against the certified values of NIST's Statistical Reference Datasets.
+"""The library's linear algebra against certified values of NIST's Statistical Reference Datasets.
 
 Asked: 6 digits of the parameters and 4 of their standard deviations, in every set and from both
 starts. docs/nist.md has the digits that are reached, and SciPy's.

@@ -11,13 +11,14 @@ import pandas as pd
 import pytest
 import scipy.spatial
 import yaml
-from capture_helpers import spin, two_returns
 from defusedxml import ElementTree
+from support.capture import spin, two_returns
 
-from velocal.capture.ledger import Ledger
-from velocal.capture.reading import open_recording
+from velocal.capture.reading import open_capture
 from velocal.io import schemas, storage
-from velocal.packets.data import BLOCKS, LAST, STRONGEST, decode, view
+from velocal.packets.data import BLOCKS, view
+from velocal.packets.dual import LAST, STRONGEST
+from velocal.packets.firings import decode
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
@@ -28,7 +29,7 @@ from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
 
 
 def sound_payloads(path) -> np.ndarray:
-    return np.concatenate([c.payloads for c in open_recording(path).packets(Ledger(0))])
+    return np.concatenate([c.payloads for c in open_capture(path).read()])
 
 
 def flat(payloads, scanner):

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.packets.data import BLOCKS, CHANNELS, encode
 from velocal.packets.status import TABLE_PACKETS, StatusReader
@@ -44,14 +44,14 @@ def test_velodyne_decoder_reads_the_same(series):
     payloads = encode(blocks, blocks, channels, channels, time_us.astype(np.uint32), status)
     theirs = hdl64e.read_status_info(bytes(payload) for payload in payloads)
     reader = StatusReader()
-    reader.take(payloads[:, -6:])
+    reader.consume(payloads[:, -6:])
     ours = reader.result()
     assert theirs["Model"] == ours.series == series
     assert theirs["Temperature"] == 51 == ours.temperature_deg_c[0]
     assert theirs["Current Time"].replace(tzinfo=UTC, second=0) == ours.gps_time.replace(second=0)
-    assert theirs["Calibration Time"] == datetime.fromisoformat(ours.unit["calibrated"])
-    assert (theirs["RPM"], theirs["FOV Max"]) == (600, 36000) == (ours.unit["rpm"], 36000)
-    assert theirs["IP Source"] == ours.unit["source"] == "192.168.1.201"
+    assert theirs["Calibration Time"] == datetime.fromisoformat(ours.unit.calibrated)
+    assert (theirs["RPM"], theirs["FOV Max"]) == (600, 36000) == (ours.unit.rpm, 36000)
+    assert theirs["IP Source"] == ours.unit.source == "192.168.1.201"
     parameters = ours.calibration("x")
     columns = {name: getattr(parameters, name) for name in PARAMETERS} | parameters.carried
     assert set(columns) == set(NAMES)

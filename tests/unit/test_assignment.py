@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from velocal.geometry.planes import Patch, Plane
-from velocal.reduction.assignment import NO_PLANE, Gates, assign
+from velocal.reduction.assignment import NO_PLANE, Limits, assign
+from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
 
 #: The largest difference of ranges admits both planes of a pair, which are 0.1 m apart.
-LIMITS = Gates(distance_m=0.2, edge_m=0.0, incidence_rad=np.deg2rad(80.0))
+LIMITS = Limits(distance_m=0.2, edge_m=0.0, incidence_rad=np.deg2rad(80.0))
 
 
 def ahead(name, y, aside=0.0):
@@ -20,8 +21,8 @@ def ahead(name, y, aside=0.0):
 def plane_hit(patches, distance_m):
     """Index of the patch that is assigned to one horizontal beam along Y."""
     zero = LaserParameters(*np.zeros((5, 1)))
-    given = np.array([distance_m]), np.zeros(1), np.zeros(1, dtype=int)
-    return int(assign(*given, zero, patches, LIMITS)[0])
+    beams = Beams(np.array([distance_m]), np.zeros(1), np.zeros(1, dtype=int), 0.002)
+    return int(assign(beams, zero, patches, LIMITS)[0])
 
 
 @pytest.mark.parametrize("distance_m", [2.95, 3.0, 3.05, 3.1])

@@ -4,16 +4,28 @@ import average_set
 import numpy as np
 from unit.test_lint import unit
 
-from velocal.calibration.convert import apart
+from velocal.adjustment.result import CalibrationSet, LaserQuality
+from velocal.calibration.convert import max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.io import storage
+from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Export
+
+
+def quality(n):
+    """Columns of the quality of lasers that all went well."""
+    one = LaserQuality(9, 3, 6, 0.01, 1.0, 0.5, 2.0, 0.9, (), 3, True, "converged")
+    parameters = LaserParameters(*np.zeros((5, n)))
+    empty = CalibrationSet(
+        (), parameters, np.zeros((n, 0)), np.ones(n, dtype=bool), quality=(one,) * n
+    )
+    return empty.to_columns()
 
 
 def write_adjustment(path, correction):
     """Corrections of a window, the same for dl, alpha and v, and their covariances."""
-    columns = {"laser_id": np.arange(64), "count": np.full(64, 9)}
+    columns = {"laser_id": np.arange(64), **quality(64)}
     for name, unit_of in (("dl", "m"), ("alpha", "rad"), ("v", "rad")):
         columns[f"{name}_correction_{unit_of}"] = correction
         columns[f"{name}_std_{unit_of}"] = np.full(64, 0.002)
@@ -25,7 +37,9 @@ def write_adjustment(path, correction):
         "first": np.tile([max(pair) for pair in pairs], 64),
         "second": np.tile([min(pair) for pair in pairs], 64),
         "covariance": np.tile([2e-6 if a != b else 4e-6 for a, b in pairs], 64),
+        "correlation": np.tile([0.5 if a != b else 1.0 for a, b in pairs], 64),
         "noise": np.tile([-5e-7 if a != b else 1e-6 for a, b in pairs], 64),
+        "prior": np.tile([2.5e-6 if a != b else 3e-6 for a, b in pairs], 64),
     }
     storage.write_csv(path.with_suffix(".covariance.csv"), covariance)
 
@@ -42,7 +56,7 @@ def test_windows_belong_to_the_samples_that_are_named(tmp_path):
         adjustments=paths, covariances=[path.with_suffix(".covariance.csv") for path in paths],
         calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
         scanner="HDL-64E", weights="equal", samples=samples, positions=["P2", "P1", "P2", "P1"],
-        export={},
+        export=Export(),
     )  # fmt: skip
     found = formats.read(files["csv"], 64)
     np.testing.assert_allclose(found.dl, unit().dl + (0.01 + 0.05) / 2, atol=1e-15)
@@ -68,7 +82,7 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
         found = formats.read_calibration(files[suffix])
         assert found.dialect == dialect
         pair = (PAPER, parameters), (DIALECTS[dialect], found.parameters)
-        assert apart(*pair).max() < 1e-12
+        assert max_point_distance(*pair).max() < 1e-12
         np.testing.assert_allclose(
             formats.read(files[suffix], 64).voff, parameters.voff, atol=1e-15
         )
@@ -80,3 +94,54 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     for values in known.covariance.values():
         np.testing.assert_allclose(values, 2e-6)
     assert known.provenance["adjustments"] == ["sa3/middle.csv"]
+
+
+def written(folder, sample, window, value):
+    """Write the adjustment of one window, the same correction of dl for all lasers; two paths."""
+    n, tables = (
+        64,
+        (folder / sample / f"{window}.csv", folder / sample / f"{window}.covariance.csv"),
+    )
+    adjustment = {
+        "laser_id": np.arange(n),
+        "dl_correction_m": np.full(n, value),
+        "dl_std_m": np.full(n, 0.002),
+        "dl_noise_std_m": np.full(n, 0.001),
+        **quality(n),
+    }
+    covariance = {
+        "laser_id": np.arange(n),
+        "first": ["dl"] * n,
+        "second": ["dl"] * n,
+        "covariance": np.full(n, 4e-6),
+        "correlation": np.ones(n),
+        "noise": np.full(n, 1e-6),
+        "prior": np.full(n, 3e-6),
+    }
+    for path, columns in zip(tables, (adjustment, covariance), strict=True):
+        storage.write_csv(path, columns)
+    return tables
+
+
+def averaged(folder, corrections):
+    """Corrections of dl in the set that the script writes; `corrections` by sample, then window."""
+    formats.write(folder / "factory.xml", unit())
+    pairs = [
+        written(folder, sample, f"window{number}", value)
+        for sample, values in corrections.items()
+        for number, value in enumerate(values)
+    ]
+    files = {suffix: folder / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
+    average_set.main(
+        adjustments=[path for path, _ in pairs], covariances=[path for _, path in pairs],
+        calibration=folder / "factory.xml", **files, scatter=folder / "scatter.csv",
+        scanner="HDL-64E", weights="equal", export=Export(),
+        samples=[path.parent.name for path, _ in pairs], positions=["P2"] * len(pairs),
+    )  # fmt: skip
+    return formats.read(files["csv"], 64).dl - unit().dl
+
+
+def test_samples_of_unequal_numbers_of_windows(tmp_path):
+    """Every sample counts once, however many windows it has."""
+    found = averaged(tmp_path, {"sa1": [0.01], "sa2": [0.02, 0.03, 0.04]})
+    np.testing.assert_allclose(found, (0.01 + 0.03) / 2, atol=1e-12)

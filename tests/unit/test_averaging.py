@@ -1,57 +1,116 @@
-"""Parameter sets: mean of windows, then of samples."""
+"""Means of calibrations: over the windows of a sample, then over the samples."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from velocal.adjustment.average import average, average_covariance, scatter_table
-from velocal.adjustment.tabulate import Corrections
+from velocal.adjustment.average import Member, average, scatter_columns
+from velocal.adjustment.result import CalibrationSet
+from velocal.errors import VelocalError
+from velocal.scanner.parameters import LaserParameters
+
+FACTORY = LaserParameters(*np.zeros((5, 1)))
+
+
+def calibration(names, value, noise, common, seen=True):
+    """One laser with these matrices of covariance."""
+    sources = {"noise": np.atleast_3d(noise).T, "prior": np.atleast_3d(common).T}
+    return CalibrationSet(
+        names, FACTORY, np.full((1, len(names)), value), np.array([seen]), sources
+    )
 
 
 def part(value, noise, common=0.0, seen=True):
-    return Corrections(
-        {"dl": np.array([value])},
-        {"dl": np.array([np.hypot(noise, common)])},
-        {"dl": np.array([noise])},
-        np.array([seen]),
-    )
+    """An adjustment of dl with these standard deviations."""
+    return calibration(("dl",), value, [[noise**2]], [[common**2]], seen)
+
+
+def members(samples, positions=None):
+    """Members of nested lists of windows, all at one position unless positions are given."""
+    return [
+        Member(f"sa{number}", positions[number] if positions else "P1", window)
+        for number, windows in enumerate(samples)
+        for window in windows
+    ]
+
+
+def dl(samples, weighting="equal", positions=None):
+    """Mean and standard deviation of dl, and what is stated and seen beside them."""
+    listed = members(samples, positions)
+    found, beside = average(listed, weighting), scatter_columns(listed)
+    return found.corrections[0, 0], found.std[0, 0], beside["scatter"][0], beside["stated_std"][0]
 
 
 def test_mean_of_means():
     samples = [[part(1.0, 0.1), part(3.0, 0.1)], [part(6.0, 0.2), part(10.0, 0.2)]]
-    dl = average(samples, positions=["P1", "P2"])["dl"]
-    assert dl.mean[0] == (2.0 + 8.0) / 2
-    np.testing.assert_allclose(dl.std[0], np.hypot(0.1, 0.2) / 2)
+    mean, std, scatter, _ = dl(samples, positions=["P1", "P2"])
+    assert mean == (2.0 + 8.0) / 2
+    np.testing.assert_allclose(std, np.hypot(0.1, 0.2) / 2)
     # At one position both have the same errors.
-    np.testing.assert_allclose(average(samples)["dl"].std[0], (0.1 + 0.2) / 2)
-    np.testing.assert_allclose(dl.scatter[0], np.std([2.0, 8.0], ddof=1))
+    np.testing.assert_allclose(dl(samples)[1], (0.1 + 0.2) / 2)
+    np.testing.assert_allclose(scatter, np.std([2.0, 8.0], ddof=1))
+
+
+def test_samples_of_unequal_numbers_of_windows_count_once_each():
+    samples = [[part(1.0, 0.1)], [part(2.0, 0.2), part(3.0, 0.2), part(7.0, 0.2)]]
+    mean, std, scatter, stated = dl(samples, positions=["P1", "P2"])
+    np.testing.assert_allclose(mean, (1.0 + 4.0) / 2)
+    np.testing.assert_allclose(std, np.hypot(0.1, 0.2) / 2)
+    np.testing.assert_allclose(scatter, np.std([1.0, 4.0], ddof=1))
+    np.testing.assert_allclose(stated, np.sqrt((0.1**2 + 3 * 0.2**2) / 4))
+    # The order of the members does not matter.
+    listed = members(samples, ["P1", "P2"])
+    np.testing.assert_allclose(average(listed[::-1]).corrections, mean)
 
 
 def test_what_is_common_does_not_average_out():
-    dl = average([[part(1.0, 0.3, 0.4)]] * 100, positions=[f"P{i}" for i in range(100)])["dl"]
-    np.testing.assert_allclose(dl.std[0], np.hypot(0.3 / 10, 0.4))
-    np.testing.assert_allclose(dl.stated[0], 0.5)
-    np.testing.assert_allclose(average([[part(1.0, 0.3, 0.4)] * 100])["dl"].std[0], 0.5)
+    alike = [[part(1.0, 0.3, 0.4)]] * 100
+    _, std, _, stated = dl(alike, positions=[f"P{i}" for i in range(100)])
+    np.testing.assert_allclose(std, np.hypot(0.3 / 10, 0.4))
+    np.testing.assert_allclose(stated, 0.5)
+    np.testing.assert_allclose(dl([[part(1.0, 0.3, 0.4)] * 100])[1], 0.5)
 
 
 def test_weighted_mean_is_the_literal_one():
     samples = [[part(1.0, 0.1), part(3.0, 0.2)], [part(6.0, 0.4)] * 2]
     weight = 1 / np.array([0.1, 0.2, 0.4, 0.4]) ** 2
     expected = weight @ [1.0, 3.0, 6.0, 6.0] / weight.sum()
-    dl = average(samples, "covariance")["dl"]
-    np.testing.assert_allclose(dl.mean[0], expected)
-    np.testing.assert_allclose(dl.std[0], weight @ weight**-0.5 / weight.sum())
+    mean, std, *_ = dl(samples, "covariance")
+    np.testing.assert_allclose(mean, expected)
+    np.testing.assert_allclose(std, weight @ weight**-0.5 / weight.sum())
 
 
 @pytest.mark.parametrize("weighting", ["equal", "covariance"])
 def test_adjustments_that_did_not_see_the_laser_have_no_say(weighting):
     unseen = part(0.0, 0.0, 0.2, seen=False)
-    dl = average([[part(1.0, 0.1), unseen], [unseen, unseen]], weighting)["dl"]
-    assert dl.mean[0] == 1.0
-    np.testing.assert_allclose(dl.std[0], 0.1)
-    nothing = average([[unseen]], weighting)["dl"]
-    assert nothing.mean[0] == 0.0
-    assert np.isnan(nothing.std[0])
-    assert np.isnan(nothing.scatter[0])
+    mean, std, *_ = dl([[part(1.0, 0.1), unseen], [unseen, unseen]], weighting)
+    assert mean == 1.0
+    np.testing.assert_allclose(std, 0.1)
+    mean, std, scatter, _ = dl([[unseen]], weighting)
+    assert mean == 0.0
+    assert np.isnan(std)
+    assert np.isnan(scatter)
+    assert not average(members([[unseen]])).observed.any()
+
+
+def test_plain_mean_needs_no_covariance():
+    bare = [[replace(part(value, 0.1), sources={})] for value in (1.0, 3.0)]
+    found = average(members(bare))
+    assert found.corrections[0, 0] == 2.0
+    assert not found.sources
+    assert np.isnan(found.std).all()
+    with pytest.raises(VelocalError, match="no covariance to weight it by"):
+        average(members(bare), "covariance")
+
+
+def test_members_that_do_not_belong_together_are_refused():
+    other = replace(part(1.0, 0.1), initial=FACTORY.corrected({"v": np.array([0.1])}))
+    for sample in (other, pair_of(np.eye(2), np.eye(2))):
+        with pytest.raises(VelocalError, match="sa1 has other parameters or initial values"):
+            average(members([[part(1.0, 0.1)], [sample]]))
+    with pytest.raises(VelocalError, match="no calibration to average"):
+        average([])
 
 
 PAIR = ("dl", "v")
@@ -59,14 +118,12 @@ PAIR = ("dl", "v")
 
 def pair_of(noise, common, seen=True):
     """An adjustment of dl and v with these 2 x 2 covariance matrices."""
-    total = noise + common
-    std, noise_std = (
-        dict(zip(PAIR, np.sqrt(np.diag(m))[:, None], strict=True)) for m in (total, noise)
-    )
-    return Corrections(
-        dict.fromkeys(PAIR, np.zeros(1)), std, noise_std, np.array([seen]),
-        {PAIR: total[0, 1:]}, {PAIR: noise[0, 1:]},
-    )  # fmt: skip
+    return calibration(PAIR, 0.0, noise, common, seen)
+
+
+def covariance(samples, weighting="equal", positions=None):
+    """Covariance of the means of dl and v."""
+    return average(members(samples, positions), weighting).covariance_by_pair()[PAIR][0]
 
 
 def matrix(rng):
@@ -80,14 +137,14 @@ def test_covariance_of_a_mean(weighting):
     noise, common = matrix(rng), matrix(rng)
     # Noise goes down with the number of positions, what they have in common does not.
     alike = [[pair_of(noise, common)] * 3] * 2
-    two, one = (average_covariance(alike, weighting, at)[PAIR][0] for at in (["A", "B"], ["A"] * 2))
+    two, one = (covariance(alike, weighting, at) for at in (["A", "B"], ["A"] * 2))
     np.testing.assert_allclose(two, noise[0, 1] / 2 + common[0, 1])
     np.testing.assert_allclose(one, noise[0, 1] + common[0, 1])
     # Of a single one the mean is no news, and one that saw nothing changes nothing.
     unseen = pair_of(common, noise, seen=False)
-    single = average_covariance([[pair_of(noise, common), unseen], [unseen, unseen]], weighting)
-    np.testing.assert_allclose(single[PAIR][0], noise[0, 1] + common[0, 1])
-    assert np.isnan(average_covariance([[unseen]], weighting)[PAIR][0])
+    single = covariance([[pair_of(noise, common), unseen], [unseen, unseen]], weighting)
+    np.testing.assert_allclose(single, noise[0, 1] + common[0, 1])
+    assert np.isnan(covariance([[unseen]], weighting))
 
 
 @pytest.mark.parametrize("weighting", ["equal", "covariance"])
@@ -96,10 +153,9 @@ def test_covariances_belong_to_the_standard_deviations(weighting):
     for _ in range(200):
         samples = [[pair_of(matrix(rng), matrix(rng)) for _ in range(3)] for _ in range(2)]
         at = ["A", rng.choice(["A", "B"])]
-        std = average(samples, weighting, at)
-        covariance = average_covariance(samples, weighting, at)[PAIR]
-        correlation = covariance / (std["dl"].std * std["v"].std)
-        assert abs(correlation[0]) <= 1.0 + 1e-12
+        found = average(members(samples, at), weighting)
+        correlation = found.covariance[0, 0, 1] / np.prod(found.std[0])
+        assert abs(correlation) <= 1.0 + 1e-12
 
 
 def test_covariance_against_a_simulated_mean():
@@ -109,13 +165,14 @@ def test_covariance_against_a_simulated_mean():
     drawn = rng.multivariate_normal([0, 0], common, 400_000)
     for one in noise:
         drawn += rng.multivariate_normal([0, 0], one, 400_000) / 2
-    found = average_covariance(samples, positions=["A", "B"])[PAIR][0]
+    found = covariance(samples, positions=["A", "B"])
     np.testing.assert_allclose(found, np.cov(drawn.T)[0, 1], rtol=0.03)
 
 
 def test_table():
     samples = [[part(1.0, 0.1)], [part(3.0, 0.1)]]
-    table = scatter_table(average(samples), average(samples, "covariance"), {"dl": "m"})
+    table = scatter_columns(members(samples))
     assert table["parameter"] == ["dl"]
+    assert table["unit"] == ["m"]
     assert table["plain_mean"] == [2.0]
     assert table["scatter"][0] == pytest.approx(np.sqrt(2))

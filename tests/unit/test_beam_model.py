@@ -107,11 +107,38 @@ def test_ticks():
     np.testing.assert_allclose(found, np.deg2rad([0, 90, 359.99]), rtol=1e-15)
 
 
+@pytest.mark.parametrize("name", ["HDL-64E", "VLP-16", "VLS-128"])
+def test_beams_leave_ticks_once(name):
+    scanner, rng = SCANNERS[name], np.random.default_rng(5)
+    columns = {
+        "laser_id": rng.integers(0, scanner.n_lasers, 50).astype(np.uint8),
+        "azimuth": rng.integers(0, 36_000, 50).astype(np.uint16),
+        "distance": rng.integers(1, 65_535, 50).astype(np.uint16),
+    }
+    beams = beam_model.Beams.from_ticks(columns, scanner, 10.0)
+    assert len(beams) == 50
+    assert beams.tick_m == scanner.distance_tick_m
+    np.testing.assert_array_equal(
+        beams.distance_m, columns["distance"] * (0.004 if name == "VLS-128" else 0.002)
+    )
+    np.testing.assert_allclose(
+        beams.phi,
+        np.deg2rad(columns["azimuth"] * 0.01)
+        + 20 * pi * scanner.azimuth_delay_s[columns["laser_id"]],
+        rtol=1e-14,
+    )
+    chosen = columns["distance"] > 30_000
+    some, parameters = beams[chosen], nominal(scanner)
+    assert 0 < len(some) < 50
+    assert some.tick_m == beams.tick_m
+    np.testing.assert_array_equal(some.points(parameters), beams.points(parameters)[chosen])
+
+
 @pytest.mark.parametrize(
     ("name", "laser", "delay_us"),
     [("HDL-32E", 31, 31 * 1.152), ("VLP-16", 15, 15 * 2.304), ("HDL-64E", 63, 0)],
 )
-def test_later_lasers_see_the_head_turned_on(name, laser, delay_us):
+def test_the_head_rotates_further_until_later_lasers_fire(name, laser, delay_us):
     found = beam_model.angle_from_ticks(
         np.array([1000], np.uint16), np.array([laser]), SCANNERS[name], 2 * pi * 20
     )
@@ -126,7 +153,7 @@ def test_nominal_scanners(name):
     # No two lasers look the same way, and a firing is over before the next begins.
     aims = np.column_stack([parameters.v, parameters.alpha]).round(6)
     assert len(np.unique(aims, axis=0)) == scanner.n_lasers
-    assert scanner.firing_offset_s.max() < scanner.firing_cycle_s
+    assert scanner.azimuth_delay_s.max() < scanner.firing_cycle_s
     lowest, highest = {
         "HDL-64E": (-24.33, 2.0),
         "HDL-64E-S1": (-24.33, 2.0),

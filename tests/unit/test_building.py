@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from building_helpers import CONTENT, ROOM, WORLD
+from support.building import CONTENT, ROOM, WORLD
 
 from velocal.errors import ConfigError
 from velocal.simulation import building, capture

@@ -1,6 +1,8 @@
 """Calibration files: what is read, and what is said about files that cannot be used."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +13,7 @@ import yaml
 from velocal.calibration.convert import convert
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
-from velocal.calibration.files import velocal_csv as table
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.errors import CalibrationFileError, ConfigError
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
@@ -183,8 +184,8 @@ def test_another_distance_tick_is_carried(tmp_path: Path, suffix: str) -> None:
         formats.read(path, N)
 
 
-def complete() -> Calibration:
-    return Calibration(
+def complete() -> CalibrationFile:
+    return CalibrationFile(
         made_up(dist_correction_x=[1.3, 0, 1.0], two_pt_correction_available=[1, 0, 1]),
         dialect="manual",
         scanner="VLP-16",
@@ -218,7 +219,7 @@ def test_stated_dialects_are_read_back_as_parameters_of_the_model(tmp_path: Path
     for suffix, dialect in ((".xml", "veloview"), (".yaml", "ros"), (".json", "mrpt")):
         numbers = convert(replace(made_up(), alpha=np.zeros(N)), PAPER, DIALECTS[dialect])
         path = tmp_path / f"a{suffix}"
-        formats.write(path, Calibration(numbers, dialect=dialect))
+        formats.write(path, CalibrationFile(numbers, dialect=dialect))
         assert formats.read_calibration(path).dialect == dialect
         found = formats.read(path, N)
         for name in ("dl", "v", "voff", "hoff"):
@@ -238,7 +239,7 @@ def test_yaml_with_exponents_that_yaml_takes_for_text(tmp_path: Path) -> None:
 
 def test_csv_with_standard_deviations(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    table.write(path, made_up(), std={"dl": np.array([0.001, np.nan, 0.002])})
+    formats.write(path, CalibrationFile(made_up(), std={"dl": np.array([0.001, np.nan, 0.002])}))
     header, first, second, _ = path.read_text().splitlines()
     assert header == "laser_id,dl_m,alpha_rad,v_rad,voff_m,hoff_m,dl_std_m"
     assert first.endswith(",0.001")
@@ -347,4 +348,20 @@ def test_writers_refuse_what_cannot_be_read(tmp_path: Path, suffix: str) -> None
 
 def test_unknown_standard_deviations(tmp_path: Path) -> None:
     with pytest.raises(CalibrationFileError, match="standard deviations of range"):
-        table.write(tmp_path / "a.csv", made_up(), std={"range": np.zeros(N)})
+        formats.write(tmp_path / "a.csv", CalibrationFile(made_up(), std={"range": np.zeros(N)}))
+
+
+def test_who_writes_one_format_does_not_load_the_others(tmp_path):
+    program = f"""
+import sys
+from pathlib import Path
+from velocal.calibration.files import formats
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
+formats.write(Path({str(tmp_path / "a.csv")!r}), nominal(SCANNERS["VLP-16"]))
+print(*sorted(name.rsplit(".", 1)[1] for name in sys.modules if "calibration.files." in name))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["decimals", "document", "formats", "velocal_csv"]

@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 import pytest
-from capture_helpers import as_bytes, record_list, spin, two_returns, write
-from closed_loop.chain import study_world
-from container_helpers import ethernet, ip_packet, pcap_of
+from support.capture import as_bytes, record_list, spin, two_returns, write
+from support.chain import study_world
+from support.containers import ethernet, ip_packet, pcap_of
 
 from velocal.calibration.files import formats
 from velocal.io import schemas, storage
@@ -45,7 +45,7 @@ def recording(tmp_path_factory):
 def test_inspect(recording):
     done = velocal("inspect", recording)
     assert done.returncode == 0, done.stderr
-    for part in ("HDL-32E", "records of 1248 bytes", "cut short", "calibration in stream"):
+    for part in ("HDL-32E", "records of 1248 bytes", "cut short", "embedded calibration"):
         assert part in done.stdout
     facts = json.loads(velocal("inspect", "--json", recording).stdout)
     assert facts["scanner"] == "HDL-32E"
@@ -72,7 +72,7 @@ def test_decode(recording, tmp_path):
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "end"], "too few"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--return", "first"], "allowed: both, strongest"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--port", "9"], "no data packets to port 9"),
-        (["inspect", "{r}", "--address", "localhost"], "no IPv4 address"),
+        (["inspect", "{r}", "--address", "localhost"], "is not an IPv4 address"),
     ],
 )
 def test_wrong_calls(recording, tmp_path, arguments, message):
@@ -100,7 +100,7 @@ def test_inspect_tells_the_status(streaming):
         "temperature 46 deg C",
         "firmware 4.07",
         "GPS time 2014-06-12 09:00:05 (GPS: not connected, clock runs free)",
-        "calibration in stream complete, S2, 2 tables alike",
+        "embedded calibration complete, S2, 2 equal tables",
     ):
         assert part in told
     facts = json.loads(velocal("inspect", "--json", streaming).stdout)
@@ -113,7 +113,7 @@ def test_calibration_from_recording(streaming, tmp_path, suffix):
     out = tmp_path / f"factory.{suffix}"
     done = velocal("calibration", "from-recording", streaming, "-o", out)
     assert done.returncode == 0, done.stderr
-    assert "2 tables alike" in done.stdout
+    assert "2 equal tables" in done.stdout
     design, found = parameters.nominal(SCANNERS["HDL-64E"]), formats.read(out, 64)
     np.testing.assert_allclose(found.v, design.v, atol=np.deg2rad(0.005) * (1 + 1e-9))
     np.testing.assert_allclose(found.hoff, design.hoff, atol=1e-12)

@@ -10,19 +10,20 @@ import pytest
 from typer.testing import CliRunner
 from unit.test_lint import unit
 
-from velocal.calibration.convert import apart
+from velocal.calibration.convert import max_point_distance
 from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.cli import app, calibration, main
 from velocal.errors import VelocalError
+from velocal.scanner.models import SCANNERS
 
 
 @pytest.fixture
 def files(tmp_path):
     """One unit: as the factory ships it, without near points, and with deviations."""
     whole = unit()
-    plain = Calibration(
+    plain = CalibrationFile(
         parameters=type(whole)(*(getattr(whole, k) for k in ("dl", "alpha", "v", "voff", "hoff"))),
         dialect="paper",
         std={"dl": np.full(64, 0.001)},
@@ -50,8 +51,8 @@ def test_help(command):
     for part in {
         "": ["show", "lint", "convert", "diff", "db.xml"],
         "show": ["degrees and centimetres", "--json"],
-        "lint": ["missing or doubled", "Exit code 1"],
-        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "By suffix if left out"],
+        "lint": ["missing or doubled", "exit code is 1"],
+        "convert": ["velodyne_decoder", "--inexact", "--rate-hz", "Chosen by suffix if left out"],
         "diff": ["--ranges", "--figure", "--first", "what the choice of the program costs"],
     }[command]:
         assert part in text
@@ -70,7 +71,7 @@ def test_show(files):
 def test_lint(files):
     done = run("lint", files / "db.xml", files / "vlp.yaml")
     assert done.exit_code == 0
-    assert done.stdout.count("nothing odd") == 2
+    assert done.stdout.count("no problems found") == 2
     (files / "page.xml").write_text("<!DOCTYPE html><html>")
     done = run("lint", files / "db.xml", files / "page.xml")
     assert done.exit_code == 1
@@ -87,9 +88,9 @@ def test_convert_gives_the_reader_the_same_points(files):
         found = formats.read_calibration(files / name)
         assert found.dialect == dialect
         pair = (PAPER, before), (DIALECTS[dialect], found.parameters)
-        assert apart(*pair, scanner="HDL-64E", rate_hz=10.0).max() < allowed
+        assert max_point_distance(*pair, scanner=SCANNERS["HDL-64E"], rate_hz=10.0).max() < allowed
     # The numbers are others: a reader with the other formula would be off by centimetres.
-    assert apart((PAPER, before), (PAPER, found.parameters)).max() > 0.02
+    assert max_point_distance((PAPER, before), (PAPER, found.parameters)).max() > 0.02
     back = run("convert", files / "a.yaml", files / "back.csv")
     assert "ros to paper" in back.stdout
     np.testing.assert_allclose(formats.read(files / "back.csv", 64).dl, before.dl, atol=1e-15)
@@ -133,14 +134,27 @@ def test_diff(files):
     assert done.exit_code == 0
     assert re.search(r"5 m .* cm .*\n.*50 m", done.stdout)
     written = pd.read_csv(table)
-    wanted = apart(
-        (DIALECTS["manual"], unit()), (DIALECTS["ros"], unit()), (5.0, 50.0), scanner="HDL-64E"
+    wanted = max_point_distance(
+        (DIALECTS["manual"], unit()),
+        (DIALECTS["ros"], unit()),
+        (5.0, 50.0),
+        scanner=SCANNERS["HDL-64E"],
     )
     np.testing.assert_allclose(written["apart_50m_cm"], 100 * wanted[1], atol=1e-4)
     assert picture.stat().st_size > 10_000
     assert picture.with_suffix(".svg").exists()
     same = run("diff", files / "db.xml", files / "db.xml")
     assert "0.00 cm" in same.stdout
+
+
+def test_diff_is_the_same_for_another_name_of_the_same_hardware(files):
+    """An S3 fires as an S2 does: 22 cm at 80 m for programs that interpolate its azimuths."""
+    arguments = [files / "set.json"] * 2 + ["--first", "paper", "--second", "velodyne_decoder"]
+    s2, s3 = (
+        run("diff", *arguments, "--scanner", name).stdout for name in ("HDL-64E", "HDL-64E-S3")
+    )
+    assert re.search(r"80 m .* 22\.\d\d cm", s2)
+    assert s3.replace("HDL-64E-S3", "HDL-64E") == s2
 
 
 @pytest.mark.parametrize(

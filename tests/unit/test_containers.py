@@ -5,8 +5,8 @@ import hashlib
 
 import numpy as np
 import pytest
-from capture_helpers import as_bytes, pcap_head, pcap_packet, scan, spin, udp_frame, write
-from container_helpers import (
+from support.capture import as_bytes, pcap_head, pcap_packet, scan, spin, udp_frame, write
+from support.containers import (
     containers,
     ethernet,
     fragments,
@@ -18,9 +18,9 @@ from container_helpers import (
     write_ros2,
 )
 
-from velocal.capture import framing
-from velocal.capture import gzip_stream as unpack
-from velocal.capture.reading import Choice, open_recording
+from velocal.capture import framing, gzip_stream
+from velocal.capture.reading import open_capture
+from velocal.capture.source import SourceFilter
 from velocal.errors import RecordingError
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
@@ -98,13 +98,13 @@ def test_topics_of_a_bag(tmp_path):
     with pytest.raises(RecordingError, match="2 scanners") as caught:
         inspect(path)
     assert "/left, 11 messages; /right, 2 messages" in str(caught.value)
-    payloads, _, _, ledger = scan(path, Choice(address="/right"))
+    payloads, _, _, ledger = scan(path, SourceFilter(address="/right"))
     np.testing.assert_array_equal(payloads, spin(9, seed=5))
     assert ledger.rejected["message of topic /left"].packets == 11
     assert ledger.unaccounted_bytes == 0
-    for choice in (Choice(address="/up"), Choice(port=2368)):
+    for source in (SourceFilter(address="/up"), SourceFilter(port=2368)):
         with pytest.raises(RecordingError, match="holds no messages"):
-            inspect(path, choice=choice)
+            inspect(path, source=source)
 
 
 def test_a_damaged_bag(tmp_path):
@@ -132,9 +132,9 @@ def two_scanners(*, port: int = 2368, last: int = 201) -> bytes:
 @pytest.mark.parametrize(
     ("differ", "mine", "other"),
     [
-        ({"port": 2369}, Choice(port=2368), Choice(2369, "192.168.1.201")),
-        ({"last": 7}, Choice(address="192.168.1.201"), Choice(address="192.168.1.7")),
-        ({"port": 1, "last": 7}, Choice(2368, "192.168.1.201"), Choice(port=1)),
+        ({"port": 2369}, SourceFilter(port=2368), SourceFilter(2369, "192.168.1.201")),
+        ({"last": 7}, SourceFilter(address="192.168.1.201"), SourceFilter(address="192.168.1.7")),
+        ({"port": 1, "last": 7}, SourceFilter(2368, "192.168.1.201"), SourceFilter(port=1)),
     ],
 )
 @pytest.mark.parametrize("packed", [False, True])
@@ -146,37 +146,37 @@ def test_several_scanners(differ, mine, other, packed, expected, tmp_path):
     named = f"192.168.1.{differ.get('last', 201)}:{differ.get('port', 2368)}, {N} packets"
     for part in ("192.168.1.201:2368, 72 packets", named, "Hint: Choose one"):
         assert part in str(caught.value)
-    for choice, payloads in ((mine, PAYLOADS), (other, OTHER)):
-        found, _, _, ledger = scan(path, choice)
+    for source, payloads in ((mine, PAYLOADS), (other, OTHER)):
+        found, _, _, ledger = scan(path, source)
         np.testing.assert_array_equal(found, payloads)
         (rejected,) = ledger.rejected.items()
         assert rejected[0].startswith("from 192.168.1.")
         assert rejected[1].packets == N
         assert ledger.unaccounted_bytes == 0
-    index = inspect(path, choice=mine).index
+    index = inspect(path, source=mine).index
     out = tmp_path / "returns.parquet"
-    write_returns(path, index, np.array([1, 2]), SCANNERS["HDL-32E"], out, choice=mine)
+    write_returns(path, index, np.array([1, 2]), SCANNERS["HDL-32E"], out, source=mine)
     assert hashlib.sha256(out.read_bytes()).hexdigest() == expected[0]
 
 
 @pytest.mark.parametrize(
-    ("choice", "says"),
+    ("source", "says"),
     [
-        (Choice(port=5), "no data packets to port 5"),
-        (Choice(5, "10.0.0.1"), "no data packets from 10.0.0.1 to port 5"),
-        (Choice(address="10.0.0"), "no IPv4 address"),
-        (Choice(address="/velodyne_packets"), "no IPv4 address"),
+        (SourceFilter(port=5), "no data packets to port 5"),
+        (SourceFilter(5, "10.0.0.1"), "no data packets from 10.0.0.1 to port 5"),
+        (SourceFilter(address="10.0.0"), "is not an IPv4 address"),
+        (SourceFilter(address="/velodyne_packets"), "is not an IPv4 address"),
     ],
 )
-def test_a_scanner_that_is_not_there(choice, says, tmp_path):
+def test_a_scanner_that_is_not_there(source, says, tmp_path):
     with pytest.raises(RecordingError, match=says) as caught:
-        inspect(write(tmp_path, FILES["pcapng"]), choice=choice)
+        inspect(write(tmp_path, FILES["pcapng"]), source=source)
     assert "allowed: " in str(caught.value)
 
 
 def test_bare_payloads_have_no_address(tmp_path):
     with pytest.raises(RecordingError, match="have no addresses"):
-        inspect(write(tmp_path, FILES["records 1206"]), choice=Choice(port=2368))
+        inspect(write(tmp_path, FILES["records 1206"]), source=SourceFilter(port=2368))
 
 
 def test_a_damaged_address_is_no_scanner(tmp_path):
@@ -268,7 +268,7 @@ def test_a_cut_gzip_file(tmp_path):
 
 
 def test_a_damaged_gzip_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(unpack, "PIECE_BYTES", 500)
+    monkeypatch.setattr(gzip_stream, "PIECE_BYTES", 500)
     packed = FILES["pcap <1000000, gzip"]
     half = len(packed) // 2
     path = write(tmp_path, packed[:half] + b"\xff" * 200 + packed[half:])
@@ -281,11 +281,11 @@ def test_a_damaged_gzip_file(tmp_path, monkeypatch):
 
 
 def test_a_compressed_recording_is_read_forwards(tmp_path, monkeypatch):
-    monkeypatch.setattr(unpack, "KEPT_BYTES", 1000)
+    monkeypatch.setattr(gzip_stream, "KEPT_BYTES", 1000)
     content = np.random.default_rng(0).bytes(300_000)
     path = write(tmp_path, gzip.compress(content))
     with path.open("rb") as file:
-        unpacked = unpack.Unpacked(file)
+        unpacked = gzip_stream.GzipReader(file)
         unpacked.seek(100_000)
         assert unpacked.read(5000) == content[100_000:105_000]
         unpacked.seek(104_500)
@@ -298,4 +298,4 @@ def test_a_compressed_recording_is_read_forwards(tmp_path, monkeypatch):
 def test_a_compressed_bag(tmp_path):
     path = write(tmp_path, gzip.compress(b"SQLite format 3\0" + bytes(100)))
     with pytest.raises(RecordingError, match="compressed ROS bag"):
-        open_recording(path)
+        open_capture(path)

@@ -19,7 +19,11 @@ NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2), "voff": 0.01, "hoff": 0.01}
 NOISE_M = 2e-3
 #: Those that know what a parameter may be, and so what it is not worth to estimate.
-KNOWING = {"paper": PaperModel(1.0), "prior": WithPrior(), "helmert_1": GaussHelmert(1.0)}
+KNOWING = {
+    "paper": PaperModel(truncate_at=1.0),
+    "prior": WithPrior(),
+    "helmert_1": GaussHelmert(truncate_at=1.0),
+}
 #: Those that are stopped by machine precision only.
 PLAIN = {"helmert": GaussHelmert(), "least_squares": OrdinaryLeastSquares()}
 SOLVERS = {**KNOWING, **PLAIN}
@@ -55,7 +59,7 @@ def ahead(n=200, width=40.0):
 
 
 CASES = {
-    # name: vertical angle, planes with angles, what must be held by those that know
+    # name: vertical angle, planes with angles, what those that know must leave to the prior
     "floor only": (-20.0, [(FLOOR, np.linspace(0.0, 359.0, 200))], ("alpha",)),
     "horizontal beam, vertical walls": (
         0.0,
@@ -72,7 +76,9 @@ def adjusted(case, solver, *, names=NAMES, stochastic=None):
     v_deg, parts, _ = CASES[case]
     true = laser(v_deg)
     start = true.corrected({"dl": np.array([-0.01]), "alpha": np.array([0.001])})
-    model = stochastic or Stochastic(NOISE_M, PRIOR, block_rad=np.deg2rad(5.0))
+    model = stochastic or Stochastic(
+        noise_std_m=NOISE_M, prior_std=PRIOR, block_rad=np.deg2rad(5.0)
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = adjust_all(observed(true, parts), start, names, SOLVERS[solver], model)[0]
@@ -91,7 +97,7 @@ def test_numbers_are_finite_and_the_finding_has_a_name(case, solver):
     assert found.message
     # What is left open is said, or else its uncertainty is: both for nobody's surprise.
     if found.rank < len(NAMES):
-        assert found.open_combinations
+        assert found.non_estimable
         assert "left to the prior" in found.message
     else:
         assert found.converged
@@ -99,33 +105,33 @@ def test_numbers_are_finite_and_the_finding_has_a_name(case, solver):
 
 @pytest.mark.parametrize("solver", KNOWING)
 @pytest.mark.parametrize("case", CASES)
-def test_what_the_data_do_not_show_is_held_with_its_prior(case, solver):
+def test_what_the_data_do_not_show_stays_with_its_prior(case, solver):
     found = adjusted(case, solver)
     assert found.converged
     assert found.rank < len(NAMES)
     for name in CASES[case][2]:
-        assert any(name in text for text in found.open_combinations), found.open_combinations
-    for name in found.held:
+        assert any(name in text for text in found.non_estimable), found.non_estimable
+    for name in found.weakly_determined:
         number = NAMES.index(name)
         assert abs(found.corrections[number]) < PRIOR[name]
-        # Held, but for its share in what is estimable.
+        # The prior's, but for its share in what is estimable.
         assert 0.5 * PRIOR[name] < found.std[number] < 1.5 * PRIOR[name]
     for number, name in enumerate(NAMES):
         assert found.std[number] < 1.5 * PRIOR[name]
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_zero_columns_are_held_at_machine_precision_too(solver):
+def test_zero_columns_are_left_out_at_machine_precision_too(solver):
     """The rotational angle does not matter on a level floor, nor a height on vertical walls."""
     found = adjusted("floor only", solver)
-    assert "alpha" in found.held
+    assert "alpha" in found.weakly_determined
     assert found.corrections[1] == pytest.approx(0.0, abs=1e-9)
     assert found.std[1] == pytest.approx(PRIOR["alpha"], rel=1e-6)
     # Rank 1: the length of the beam, of which dl and v have their parts.
     assert found.rank == 1
     walls = adjusted("horizontal beam, vertical walls", solver, names=("dl", "alpha", "voff"))
-    assert walls.held == ("voff",)
-    assert walls.open_combinations == ("voff",)
+    assert walls.weakly_determined == ("voff",)
+    assert walls.non_estimable == ("voff",)
     assert walls.std[2] == pytest.approx(PRIOR["voff"])
 
 
@@ -133,7 +139,7 @@ def test_zero_columns_are_held_at_machine_precision_too(solver):
 def test_equal_points_determine_one_combination(solver):
     found = adjusted("all points equal", solver)
     assert found.rank == 1
-    assert len(found.open_combinations) == 2
+    assert len(found.non_estimable) == 2
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -144,10 +150,16 @@ def test_a_laser_without_points(solver, block_deg):
     block = None if block_deg is None else np.deg2rad(block_deg)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = adjust_all(empty, true, NAMES, SOLVERS[solver], Stochastic(0.02, PRIOR, 0, block))
+        found = adjust_all(
+            empty,
+            true,
+            NAMES,
+            SOLVERS[solver],
+            Stochastic(noise_std_m=0.02, prior_std=PRIOR, block_rad=block),
+        )
         half = found[0].interval()
     assert found[0].message == "no observations"
-    assert found[0].held == NAMES
+    assert found[0].weakly_determined == NAMES
     assert found[0].rank == 0
     assert not found[0].corrections.any()
     np.testing.assert_allclose(found[0].std, [PRIOR[name] for name in NAMES])
@@ -160,7 +172,7 @@ def test_hardly_any_points(solver, n):
     """As few points as parameters, or fewer: no variance to estimate, none of zero stated."""
     true = laser(-10.0)
     few = observed(true, [(NORTH, ahead())]).take(np.arange(n) * 40)
-    model = Stochastic(NOISE_M, PRIOR, block_rad=np.deg2rad(5.0))
+    model = Stochastic(noise_std_m=NOISE_M, prior_std=PRIOR, block_rad=np.deg2rad(5.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = adjust_all(few, true, NAMES, SOLVERS[solver], model)[0]
@@ -175,8 +187,8 @@ def test_blocks_too_few_to_show_a_variance_do_not_state_none():
     """All points in one block: the sum of its residuals is zero, the noise is not."""
     true = laser(-10.0)
     data = observed(true, [(NORTH, np.linspace(10.2, 14.8, 50))])
-    model = Stochastic(NOISE_M, PRIOR, block_rad=np.deg2rad(5.0))
+    model = Stochastic(noise_std_m=NOISE_M, prior_std=PRIOR, block_rad=np.deg2rad(5.0))
     found = adjust_all(data, true, ("dl",), OrdinaryLeastSquares(), model)[0]
     # At most as if the rows of the block were one.
     assert 0.5 * NOISE_M < found.std[0] < 2.0 * NOISE_M
-    assert found.freedom[0] == 1.0
+    assert found.dof[0] == 1.0

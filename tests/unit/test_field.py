@@ -13,6 +13,7 @@ from velocal.evaluation import planes_in_data as field
 from velocal.io import schemas, storage
 from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import TABLE, field_markdown, field_planes
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
 from velocal.study.config import Box, PlaneSearch
@@ -25,6 +26,12 @@ WALL, SIDE, FLOOR = ([0.0, 1.0, 0.0], 5.0), ([1.0, 0.0, 0.0], 6.0), ([0.0, 0.0, 
 ROOM = [WALL, SIDE, ([-1.0, 0.0, 0.0], 4.0), ([0.0, -1.0, 0.0], 7.0), FLOOR]
 
 
+def cloud_of(distance_m, phi, laser_id, parameters) -> field.Cloud:
+    """Returns of the scanner with their points."""
+    beams = Beams(distance_m, phi, laser_id, SCANNER.distance_tick_m)
+    return field.Cloud.from_beams(beams, parameters)
+
+
 def scan(
     planes=ROOM, *, noise_m=0.003, offsets=None, parameters=None, step_deg=0.4, seed=0
 ) -> field.Cloud:
@@ -33,7 +40,7 @@ def scan(
     parameters = parameters or nominal(SCANNER)
     phi = np.deg2rad(np.arange(0.0, 360.0, step_deg))
     laser_id, phi = (a.ravel() for a in np.meshgrid(np.arange(32), phi, indexing="ij"))
-    direction = field.Cloud.of(np.ones(len(phi)), phi, laser_id, parameters).direction
+    direction = cloud_of(np.ones(len(phi)), phi, laser_id, parameters).direction
     towards = direction @ np.array([normal for normal, _ in planes]).T
     with np.errstate(divide="ignore"):
         ranges = np.where(towards > 1e-9, np.array([d for _, d in planes]) / towards, np.inf)
@@ -42,22 +49,20 @@ def scan(
     distance = nearest + rng.normal(0.0, noise_m, len(phi)) if noise_m else nearest
     if offsets is not None:
         distance = distance + offsets[laser_id]
-    return field.Cloud.of(distance[hit], phi[hit], laser_id[hit], parameters)
+    return cloud_of(distance[hit], phi[hit], laser_id[hit], parameters)
 
 
 def hedge(n=6000, seed=0) -> field.Cloud:
     """Returns from all depths of a thick hedge."""
     rng = np.random.default_rng(seed)
     laser_id = rng.integers(0, 32, n)
-    return field.Cloud.of(
-        rng.uniform(4.0, 6.0, n), rng.uniform(0.0, 1.5, n), laser_id, nominal(SCANNER)
-    )
+    return cloud_of(rng.uniform(4.0, 6.0, n), rng.uniform(0.0, 1.5, n), laser_id, nominal(SCANNER))
 
 
 def together(*clouds: field.Cloud) -> field.Cloud:
     columns = (np.concatenate([getattr(c, name) for c in clouds]) for name in
                ("distance_m", "phi", "laser_id"))  # fmt: skip
-    return field.Cloud.of(*columns, nominal(SCANNER))
+    return cloud_of(*columns, nominal(SCANNER))
 
 
 def test_patch_points():
@@ -105,7 +110,7 @@ def test_a_plane_does_not_span_a_gap():
     """Two coplanar walls, 20 degrees of azimuth apart, are not one."""
     cloud = scan([WALL])
     apart = np.abs(np.rad2deg(cloud.phi + np.pi) % 360.0 - 180.0) > 10.0
-    split = field.Cloud.of(
+    split = cloud_of(
         cloud.distance_m[apart], cloud.phi[apart], cloud.laser_id[apart], cloud.parameters
     )
     planes, _ = field_search.find_planes(split, SEARCH)
@@ -124,7 +129,7 @@ def test_a_plane_across_north_is_one():
 @pytest.mark.parametrize("n", [0, 3, 150])
 def test_few_points_are_a_finding(n):
     cloud = scan([WALL])
-    few = field.Cloud.of(cloud.distance_m[:n], cloud.phi[:n], cloud.laser_id[:n], cloud.parameters)
+    few = cloud_of(cloud.distance_m[:n], cloud.phi[:n], cloud.laser_id[:n], cloud.parameters)
     planes, findings = field_search.find_planes(few, SEARCH)
     assert planes == []
     assert f"among {n} points" in findings[0]
@@ -143,7 +148,7 @@ def test_residuals_are_along_the_beam():
     """Behind the plane is positive, and longer than the orthogonal distance by 1 / cos(i)."""
     cloud = scan([WALL], noise_m=0.0)
     plane = field.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH).fit.plane
-    further = field.Cloud.of(cloud.distance_m + 0.05, cloud.phi, cloud.laser_id, cloud.parameters)
+    further = cloud_of(cloud.distance_m + 0.05, cloud.phi, cloud.laser_id, cloud.parameters)
     rows = np.arange(0, len(cloud.phi), 7)
     np.testing.assert_allclose(further.s(rows, plane), 0.05, atol=1e-6)
     np.testing.assert_allclose(
@@ -160,7 +165,7 @@ def test_outliers_are_trimmed_and_counted():
     bad = rng.choice(steep, 60, replace=False)
     distance = cloud.distance_m.copy()
     distance[bad] += rng.choice([-1.0, 1.0], 60) * rng.uniform(0.1, 2.0, 60)
-    cloud = field.Cloud.of(distance, cloud.phi, cloud.laser_id, cloud.parameters)
+    cloud = cloud_of(distance, cloud.phi, cloud.laser_id, cloud.parameters)
     plane = field.fit_robustly("wall", cloud, steep, SEARCH)
     assert not np.intersect1d(plane.rows, bad).size
     # 0.27 % of normal noise lies beyond three sigmas, somewhat more beyond an estimate of them.
@@ -238,6 +243,17 @@ def test_search_from_config():
     assert search.incidence_rad == pytest.approx(SEARCH.incidence_rad)
 
 
+@pytest.mark.parametrize(("tick_m", "outliers"), [(0.002, True), (0.004, False)])
+def test_one_tick_of_the_scanner_is_no_outlier(tick_m, outliers):
+    """Medians without noise: most agree to the tick, and some are the next one."""
+    cloud = scan([WALL], noise_m=0.0)
+    distance = cloud.distance_m + np.where(np.arange(len(cloud)) % 10, 0.0, 0.004)
+    beams = Beams(distance, cloud.phi, cloud.laser_id, tick_m)
+    every = np.arange(len(cloud))
+    plane = field.fit_robustly("w", field.Cloud.from_beams(beams, cloud.parameters), every, SEARCH)
+    assert (plane.trimmed > 0) == outliers
+
+
 def test_medians_become_points():
     """Ticks, and the turn of the head while later lasers of a firing wait."""
     medians = {
@@ -245,7 +261,7 @@ def test_medians_become_points():
         "azimuth": np.array([9000, 9000], dtype=np.float32),
         "distance": np.array([5000, 5000], dtype=np.float32),
     }
-    cloud = field.Cloud.of_medians(medians, SCANNER, 10.0, nominal(SCANNER))
+    cloud = field.Cloud.from_beams(Beams.from_ticks(medians, SCANNER, 10.0), nominal(SCANNER))
     np.testing.assert_allclose(cloud.distance_m, 10.0)
     np.testing.assert_allclose(
         cloud.phi, np.deg2rad([90.0, 90.0 + 3600 * 31 * 1.152e-6]), rtol=1e-9

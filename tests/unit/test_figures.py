@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from results_helpers import statistics
+from support.results import statistics
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.io import schemas, storage

@@ -1,10 +1,11 @@
-"""Payloads out of files: nothing sound is lost, and every byte is accounted for."""
+"""Payloads out of files: nothing valid is lost, and every byte is accounted for."""
 
+import gzip
 import struct
 
 import numpy as np
 import pytest
-from capture_helpers import (
+from support.capture import (
     FIRST_SECOND,
     PAYLOAD,
     as_bytes,
@@ -20,7 +21,7 @@ from capture_helpers import (
 )
 
 from velocal.capture import framing
-from velocal.capture.reading import open_recording
+from velocal.capture.reading import open_capture
 from velocal.errors import RecordingError
 from velocal.recording.scan import inspect
 
@@ -59,7 +60,7 @@ def damaged_records(name: str, records: list[bytes]):
     r, size = records, len(records[0])
     split = r[5][:600] + JUNK + r[5][600:]
     match name:
-        case "sound":
+        case "undamaged":
             return r, ALL, {}
         case "cut tail":
             return [*r[:-1], r[-1][:-500]], ALL[:-1], {CUT: (1, size - 500)}
@@ -93,7 +94,7 @@ def damaged_records(name: str, records: list[bytes]):
 
 
 RECORD_CASES = [
-    "sound", "cut tail", "junk within", "junk between", "junk before", "junk at two places",
+    "undamaged", "cut tail", "junk within", "junk between", "junk before", "junk at two places",
     "one bad", "every second bad", "three bad in a row", "first bad", "second bad", "last bad",
     "azimuth",
 ]  # fmt: skip
@@ -128,7 +129,7 @@ def assert_found(path, payloads, survivors, rejected) -> None:
 def test_records(case, header, payloads, tmp_path):
     content, survivors, rejected = damaged_records(case, record_list(payloads, header))
     path = write(tmp_path, content)
-    assert open_recording(path).name == f"records of {header + PAYLOAD} bytes"
+    assert open_capture(path).name == f"records of {header + PAYLOAD} bytes"
     assert_found(path, payloads, survivors, rejected)
 
 
@@ -149,7 +150,7 @@ def damaged_pcap(name: str, payloads: np.ndarray, order: str, ticks: int):
     head = pcap_head(order, ticks)
     extra, survivors, rejected, position = {}, ALL, {}, 0
     match name:
-        case "sound":
+        case "undamaged":
             pass
         case "cut in payload":
             extra, survivors, rejected = {N - 1: p[-1][:-7]}, ALL[:-1], {PCAP_CUT: (1, PACKET - 7)}
@@ -204,7 +205,7 @@ def damaged_pcap(name: str, payloads: np.ndarray, order: str, ticks: int):
 
 
 PCAP_CASES = [
-    "sound", "cut in payload", "cut in header", "position", "foreign", "not udp", "arp", "vlan",
+    "undamaged", "cut in payload", "cut in header", "position", "foreign", "not udp", "arp", "vlan",
     "short capture", "bad flag", "damaged header", "first header damaged", "last header damaged",
     "four bytes lost", "length misread", "length beyond the end", "jumbo frame",
 ]  # fmt: skip
@@ -269,8 +270,56 @@ def test_packets_that_begin_in_a_stretch(payloads, tmp_path):
     """Those and no others, whatever lies before and after."""
     path = write(tmp_path, pcap(payloads))
     _, offsets, _, _ = scan(path)
-    found = list(open_recording(path).packets_from(int(offsets[3]), int(offsets[8])))
+    found = list(open_capture(path).read_between(int(offsets[3]), int(offsets[8])))
     np.testing.assert_array_equal(np.concatenate([c.payloads for c in found]), payloads[3:8])
+
+
+def test_a_stretch_has_a_ledger_of_its_own(payloads, tmp_path):
+    packets = [pcap_packet(udp_frame(payload), k) for k, payload in enumerate(as_bytes(payloads))]
+    packets[5] = flagless(packets[5])
+    path = write(tmp_path, [pcap_head(), *packets])
+    start = len(pcap_head()) + 3 * PACKET
+    reading = open_capture(path).read_between(start, start + 5 * PACKET)
+    found = np.concatenate([chunk.payloads for chunk in reading])
+    np.testing.assert_array_equal(found, payloads[[3, 4, 6, 7]])
+    assert reading.ledger.data.packets == 4
+    assert reading.ledger.file_bytes == 5 * PACKET
+    assert {k: (c.packets, c.bytes) for k, c in reading.ledger.rejected.items()} == {
+        FLAG: (1, PACKET)
+    }
+
+
+def test_what_is_known_at_the_end_is_not_told_before(payloads, tmp_path, monkeypatch):
+    monkeypatch.setattr(framing, "CHUNK_BYTES", 5000)
+    capture = open_capture(write(tmp_path, pcap(payloads)))
+    reading = capture.read()
+    with pytest.raises(RecordingError, match="has not been read yet, so its ledger"):
+        _ = reading.ledger
+    chunks = iter(reading)
+    next(chunks)
+    assert not reading.complete
+    for name in ("ledger", "seekable"):
+        with pytest.raises(RecordingError, match="in part only"):
+            getattr(reading, name)
+    for _ in chunks:
+        pass
+    assert reading.complete
+    assert reading.seekable
+    assert reading.ledger.data.packets == N
+    with pytest.raises(RecordingError, match="gives its packets once"):
+        iter(reading)
+    abandoned = capture.read()
+    for _ in abandoned:
+        break
+    with pytest.raises(RecordingError, match="in part only"):
+        _ = abandoned.ledger
+
+
+def test_a_stretch_of_a_compressed_capture_cannot_be_read(payloads, tmp_path):
+    capture = open_capture(write(tmp_path, gzip.compress(pcap(payloads))))
+    assert not capture.seekable
+    with pytest.raises(RecordingError, match="only be read from the beginning"):
+        capture.read_between(24, 5000)
 
 
 PAYLOADS_WITH_GAPS = b"".join(bytes(p) + b"\x07" * 20 for p in spin(N))
@@ -284,8 +333,8 @@ PAYLOADS_WITH_GAPS = b"".join(bytes(p) + b"\x07" * 20 for p in spin(N))
         (b"short", "no Velodyne data packet"),
         (b"\xd4\xc3\xb2\xa1", "no Velodyne data packet"),
         (pcap_head(link=105) + bytes(100), "link type 105"),
-        (pcap_head(), "no sound data packet"),
-        (pcap_head() + pcap_packet(udp_frame(bytes(512))), "no sound data packet"),
+        (pcap_head(), "no valid data packet"),
+        (pcap_head() + pcap_packet(udp_frame(bytes(512))), "no valid data packet"),
         # Another container may hold the same payloads.
         (PAYLOADS_WITH_GAPS, "no Velodyne data packet"),
     ],

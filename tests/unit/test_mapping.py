@@ -9,9 +9,9 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from building_helpers import ROOM, WORLD, stated
+from support.building import ROOM, WORLD, stated
 
-from velocal.calibration.files import velocal_csv as table
+from velocal.calibration.files import formats
 from velocal.errors import VelocalError
 from velocal.evaluation import interior_map as mapping
 from velocal.geometry.rigid import RigidTransformation
@@ -142,8 +142,8 @@ def mapped(tmp_path_factory):
     points = folder / "points.parquet"
     write_targets(base[0], "position", stated(building.base_targets(perfect)))
     write_targets(base[1], "scanner", stated([base_targets_true(perfect, "HDL-64E")]))
-    table.write(base[2], factory_parameters(perfect, "HDL-64E"))
-    table.write(base[3], unit_truth(perfect, "HDL-64E").parameters)
+    formats.write(base[2], factory_parameters(perfect, "HDL-64E"))
+    formats.write(base[3], unit_truth(perfect, "HDL-64E").parameters)
     names = ("base_map", "base_scanner", "calibration", "refined")
     map_building.main(
         recordings=recordings, positions=list(rooms["positions"]), points=points,

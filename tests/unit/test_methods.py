@@ -13,15 +13,18 @@ from velocal.adjustment.lasers import Observations, joined
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.evaluation import methods
+from velocal.geometry.planes import Patch, Plane
+from velocal.geometry.rigid import RigidTransformation
 from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Adjustment
+from velocal.survey.station import Station, SurveyedPlane
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
-STOCHASTIC = Stochastic(0.01, PRIOR)
+STOCHASTIC = Stochastic(noise_std_m=0.01, prior_std=PRIOR)
 FACTORY = LaserParameters(
     dl=np.full(N, 0.1),
     alpha=np.linspace(-0.06, 0.06, N),
@@ -249,16 +252,24 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
         storage.write_table(path, schemas.ASSIGNED, columns)
         assigned.append(path)
         first = np.unique(data.plane, return_index=True)[1]
-        planes = [
-            {
-                "name": NAMES[k], "normal": data.normal[row], "offset_m": data.offset[row],
-                "covariance": np.zeros((4, 4)), "corners_m": np.zeros((4, 3)),
-            }
+        planes = tuple(
+            SurveyedPlane(
+                Patch(
+                    NAMES[k],
+                    Plane(data.normal[row], float(data.offset[row]), np.zeros((4, 4))),
+                    np.zeros((4, 3)),
+                ),
+                targets=3, flatness_mean_m=0.0, flatness_max_m=0.0, variance_factor=1.0,
+            )
             for k, row in enumerate(first)
-        ]  # fmt: skip
-        storage.write_json(
-            tmp_path / f"{name.upper()}.json", {"position": name.upper(), "planes": planes}
-        )
+        )  # fmt: skip
+        station = Station(
+            position=name.upper(), scanner=scanner.name,
+            pose=RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6))),
+            base_targets=(), residuals_m=np.zeros((0, 3)), variance_factor=1.0, redundancy=0,
+            planes=planes,
+        )  # fmt: skip
+        storage.write_json(tmp_path / f"{name.upper()}.json", station.to_json())
     adjustment = Adjustment.model_validate(
         {"method": "prior", "parameters": ["dl", "alpha", "v"], "noise_cm": 1.0,
          "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}

@@ -4,39 +4,46 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from support.chain import study_world
 
 from velocal.errors import SurveyError
 from velocal.geometry.rigid import adjust_rigid, skew
 from velocal.simulation import survey
 from velocal.survey.network.adjust import adjust_network
-from velocal.survey.network.approximate import intersection, resected_camera, resected_setup
-from velocal.survey.network.model import Control, Observed, Unknowns, ray_equations, sight_equations
-from velocal.survey.network.observations import FILES, FieldBook, read_field_book, write_field_book
-from velocal.survey.network.survey import accuracy, adjust_field_book, as_dict
-from velocal.survey.targets import Targets, with_covariance
+from velocal.survey.network.approximate import intersection, resected_camera, resected_instrument
+from velocal.survey.network.field_book import FILES, FieldBook, read_field_book, write_field_book
+from velocal.survey.network.model import (
+    ControlPoints,
+    ImageObservations,
+    PolarObservations,
+    Unknowns,
+    image_equations,
+    polar_equations,
+)
+from velocal.survey.network.survey import accuracy, adjust_field_book
+from velocal.survey.targets import SurveyCovariances, Targets
 
 CONTROL = np.array(
     [[0, 0, 0.3], [4, 0, 1.8], [2, 0, 1], [0, 2, 1.5], [0, 1, 0.2], [3, 2, 0], [1, 2.5, 0.0]]
 )
 NAMES = tuple(f"C{i}" for i in range(len(CONTROL)))
 EXTRA = np.array([[1.5, 0.4, 0.8], [2.5, 0.1, 1.4]])
-STATIONS = {"S1": [1.0, 4.0, 1.5, 0.3], "S2": [3.0, 4.5, 1.4, -2.0], "S3": [5.0, 3.0, 1.6, 3.1]}
+INSTRUMENTS = {"S1": [1.0, 4.0, 1.5, 0.3], "S2": [3.0, 4.5, 1.4, -2.0], "S3": [5.0, 3.0, 1.6, 3.1]}
 
 
-def sights(rng, points, names, stations=STATIONS, angle=2e-4, distance=1e-3):
-    """Sights from all stations to all points; no distance to the points named E."""
+def polar(rng, points, names, instruments=INSTRUMENTS, angle=2e-4, distance=1e-3):
+    """Observe all points from all instruments; no distance to the points named E."""
     parts = []
-    for station in stations.values():
-        value, _, _ = sight_equations(points, np.tile(np.array(station), (len(points), 1)))
+    for station in instruments.values():
+        value, _, _ = polar_equations(points, np.tile(np.array(station), (len(points), 1)))
         parts.append(value + rng.normal(size=value.shape) * [angle, angle, distance])
     value = np.concatenate(parts)
-    target = names * len(stations)
+    target = names * len(instruments)
     value[[name.startswith("E") for name in target], 2] = np.nan
     std = np.tile([angle, angle, distance], (len(value), 1))
-    return Observed(tuple(s for s in stations for _ in names), target, value, std)
+    return PolarObservations(tuple(s for s in instruments for _ in names), target, value, std)
 
 
 def cameras(count=4):
@@ -52,24 +59,24 @@ def cameras(count=4):
     return places, np.array(rotations)
 
 
-def rays(rng, points, names, std=1e-4):
+def image_coordinates(rng, points, names, std=1e-4):
     places, rotations = cameras()
     parts = []
     for place, rotation in zip(places, rotations, strict=True):
         n = len(points)
-        value, _, _ = ray_equations(points, np.tile(place, (n, 1)), np.tile(rotation, (n, 1, 1)))
+        value, _, _ = image_equations(points, np.tile(place, (n, 1)), np.tile(rotation, (n, 1, 1)))
         parts.append(value + rng.normal(0.0, std, value.shape))
     value = np.concatenate(parts)
     images = tuple(f"I{i}" for i in range(len(places)) for _ in names)
-    return Observed(images, names * len(places), value, np.full(value.shape, std))
+    return ImageObservations(images, names * len(places), value, np.full(value.shape, std))
 
 
 def everything(seed=0):
     rng = np.random.default_rng(seed)
     names = (*NAMES, "E1", "E2")
     points = np.concatenate([CONTROL, EXTRA])
-    control = Control(NAMES, CONTROL + rng.normal(0.0, 0.003, CONTROL.shape))
-    return control, sights(rng, points, names), rays(rng, points, names)
+    control = ControlPoints(NAMES, CONTROL + rng.normal(0.0, 0.003, CONTROL.shape))
+    return control, polar(rng, points, names), image_coordinates(rng, points, names)
 
 
 def constraints(xyz):
@@ -80,25 +87,25 @@ def constraints(xyz):
     )
 
 
-def test_derivatives_of_sights_and_rays():
+def test_derivatives_of_polar_and_image_observations():
     rng = np.random.default_rng(3)
     points, stations = rng.normal(size=(5, 3)), rng.normal(size=(5, 4)) + 4.0
     rotations = Rotation.random(5, rng=rng).as_matrix()
     h = 1e-6
-    _, by_point, by_station = sight_equations(points, stations)
-    _, ray_point, ray_camera = ray_equations(points, stations[:, :3], rotations)
+    _, by_point, by_station = polar_equations(points, stations)
+    _, ray_point, ray_camera = image_equations(points, stations[:, :3], rotations)
     for axis in range(3):
         e = h * np.eye(3)[axis]
-        found = [sight_equations(points + s * e, stations)[0] for s in (1, -1)]
+        found = [polar_equations(points + s * e, stations)[0] for s in (1, -1)]
         np.testing.assert_allclose(by_point[:, :, axis], (found[0] - found[1]) / (2 * h), atol=1e-8)
-        found = [ray_equations(points + s * e, stations[:, :3], rotations)[0] for s in (1, -1)]
+        found = [image_equations(points + s * e, stations[:, :3], rotations)[0] for s in (1, -1)]
         scale = np.abs(ray_point).max()
         np.testing.assert_allclose(
             ray_point[:, :, axis], (found[0] - found[1]) / (2 * h), atol=1e-8 * scale**2
         )
     for axis in range(4):
         e = h * np.eye(4)[axis]
-        found = [sight_equations(points, stations + s * e)[0] for s in (1, -1)]
+        found = [polar_equations(points, stations + s * e)[0] for s in (1, -1)]
         np.testing.assert_allclose(
             by_station[:, :, axis], (found[0] - found[1]) / (2 * h), atol=1e-8
         )
@@ -109,7 +116,7 @@ def test_derivatives_of_sights_and_rays():
             moved = Unknowns(np.zeros((0, 3)), np.zeros((0, 4)), stations[:, :3], rotations).moved(
                 np.tile(sign * step, 5)
             )
-            found.append(ray_equations(points, moved.cameras, moved.rotations)[0])
+            found.append(image_equations(points, moved.cameras, moved.rotations)[0])
         np.testing.assert_allclose(
             ray_camera[:, :, axis], (found[0] - found[1]) / (2 * h),
             atol=1e-7 * np.abs(ray_camera).max() ** 2,
@@ -120,15 +127,15 @@ def test_against_an_independent_solution():
     """scipy's least squares in some datum, and its covariance by the S-transformation."""
     control, observed, images = everything()
     found = adjust_network(control, observed, images)
-    n, stations = len(found.name), list(STATIONS)
+    n, stations = len(found.name), list(INSTRUMENTS)
     there = np.isfinite(observed.value)
     number = {name: row for row, name in enumerate(found.name)}
-    sight = [(number[t], stations.index(s))
+    polar_rows = [(number[t], stations.index(s))
              for s, t in zip(observed.setup, observed.target, strict=True)]  # fmt: skip
-    ray = [(number[t], int(s[1:])) for s, t in zip(images.setup, images.target, strict=True)]
+    image_rows = [(number[t], int(s[1:])) for s, t in zip(images.setup, images.target, strict=True)]
     places, rotations = cameras()
     start = np.concatenate(
-        [CONTROL.ravel(), EXTRA.ravel(), np.array(list(STATIONS.values())).ravel(),
+        [CONTROL.ravel(), EXTRA.ravel(), np.array(list(INSTRUMENTS.values())).ravel(),
          np.column_stack([places, Rotation.from_matrix(rotations).as_rotvec()]).ravel()]
     )  # fmt: skip
 
@@ -136,7 +143,7 @@ def test_against_an_independent_solution():
         points = x[: 3 * n].reshape(-1, 3)
         setup = x[3 * n : 3 * n + 12].reshape(-1, 4)
         camera = x[3 * n + 12 :].reshape(-1, 6)
-        p, s = (np.array(i) for i in zip(*sight, strict=True))
+        p, s = (np.array(i) for i in zip(*polar_rows, strict=True))
         d = points[p] - setup[s, :3]
         length = np.linalg.norm(d, axis=1)
         angle = observed.value[:, 0] - (np.pi / 2 - np.angle(d[:, 0] + 1j * d[:, 1]) - setup[s, 3])
@@ -145,7 +152,7 @@ def test_against_an_independent_solution():
             [angle, observed.value[:, 1] - np.arccos(d[:, 2] / length),
              observed.value[:, 2] - length]
         ) / observed.std  # fmt: skip
-        p, c = (np.array(i) for i in zip(*ray, strict=True))
+        p, c = (np.array(i) for i in zip(*image_rows, strict=True))
         seen = Rotation.from_rotvec(camera[c, 3:]).apply(points[p] - camera[c, :3])
         image = (images.value - seen[:, :2] / seen[:, 2:]) / images.std
         return np.concatenate([w[there], image.ravel()])
@@ -184,12 +191,13 @@ def test_datum_is_that_of_the_approximate_coordinates():
 
 
 def test_one_after_the_other_is_as_good_as_together():
-    """Control points with their full covariance carry all that the sights told."""
+    """Control points with their full covariance carry all information of the polar observations."""
     control, observed, images = everything()
     observed = without(observed, lambda s, t: t in NAMES)
     together = adjust_network(control, observed, images)
     first = adjust_network(control, observed)
-    second = adjust_network(first.control(first.name, a_priori=True), rays=images)
+    known = ControlPoints(first.name, *first.part(first.name, a_priori=True))
+    second = adjust_network(known, images=images)
     order = [second.name.index(name) for name in together.name]
     np.testing.assert_allclose(second.xyz[order], together.xyz, atol=2e-6)
     std = np.sqrt(np.diag(together.cofactor)).reshape(-1, 3)
@@ -203,7 +211,7 @@ def test_true_points_lie_within_what_is_stated():
     normalised, factors = [], []
     for seed in range(100):
         rng = np.random.default_rng(seed)
-        found = adjust_network(Control(NAMES, CONTROL), sights(rng, points, names))
+        found = adjust_network(ControlPoints(NAMES, CONTROL), polar(rng, points, names))
         # The truth is in the datum: the approximate coordinates are the true ones.
         std = np.sqrt(np.diag(found.cofactor)).reshape(-1, 3)
         normalised.append((found.xyz - points) / std)
@@ -228,7 +236,7 @@ def test_a_gross_error_is_named():
 def without(observed, keep):
     rows = [r for r, pair in enumerate(zip(observed.setup, observed.target, strict=True))
             if keep(*pair)]  # fmt: skip
-    return Observed(
+    return PolarObservations(
         tuple(observed.setup[r] for r in rows), tuple(observed.target[r] for r in rows),
         observed.value[rows], observed.std[rows],
     )  # fmt: skip
@@ -251,14 +259,14 @@ def test_what_hangs_in_the_air_is_named(keep, message):
 
 def test_two_networks_that_share_no_point():
     rng = np.random.default_rng(0)
-    left = sights(rng, CONTROL, NAMES)
+    left = polar(rng, CONTROL, NAMES)
     names = tuple(f"D{i}" for i in range(len(CONTROL)))
-    right = sights(rng, CONTROL + 9.0, names, {"T1": STATIONS["S1"], "T2": STATIONS["S2"]})
-    both = Observed(
+    right = polar(rng, CONTROL + 9.0, names, {"T1": INSTRUMENTS["S1"], "T2": INSTRUMENTS["S2"]})
+    both = PolarObservations(
         left.setup + right.setup, left.target + right.target,
         np.concatenate([left.value, right.value]), np.concatenate([left.std, right.std]),
     )  # fmt: skip
-    control = Control(NAMES + names, np.concatenate([CONTROL, CONTROL + 9.0]))
+    control = ControlPoints(NAMES + names, np.concatenate([CONTROL, CONTROL + 9.0]))
     with pytest.raises(SurveyError, match="point 'D0' is not connected"):
         adjust_network(control, both)
 
@@ -266,7 +274,7 @@ def test_two_networks_that_share_no_point():
 def test_images_alone_have_no_plumb_line():
     control, _, images = everything()
     with pytest.raises(SurveyError, match="do not determine"):
-        adjust_network(control, rays=images)
+        adjust_network(control, images=images)
 
 
 def test_exchanged_names_do_not_pass_silently():
@@ -285,7 +293,7 @@ def test_approximate_values():
     places, rotations = cameras()
     names = len(CONTROL)
     for place, rotation in zip(places, rotations, strict=True):
-        value, _, _ = ray_equations(
+        value, _, _ = image_equations(
             CONTROL, np.tile(place, (names, 1)), np.tile(rotation, (names, 1, 1))
         )
         found = resected_camera(value, CONTROL, where="x")
@@ -295,7 +303,7 @@ def test_approximate_values():
     rng = np.random.default_rng(0)
     for place, rotation in zip(places, rotations, strict=True):
         thin = CONTROL * [1.0, 0.02, 1.0]
-        value, _, _ = ray_equations(
+        value, _, _ = image_equations(
             thin, np.tile(place, (names, 1)), np.tile(rotation, (names, 1, 1))
         )
         value += rng.normal(0.0, 1e-3, value.shape)
@@ -303,9 +311,9 @@ def test_approximate_values():
         np.testing.assert_allclose(found[0], place, atol=0.1)
     with pytest.raises(SurveyError, match="do not fit"):
         resected_camera(rng.normal(size=(7, 2)), CONTROL, where="x")
-    for station in STATIONS.values():
-        value, _, _ = sight_equations(CONTROL, np.tile(np.array(station), (names, 1)))
-        place, zero = resected_setup(value, CONTROL, where="x")
+    for station in INSTRUMENTS.values():
+        value, _, _ = polar_equations(CONTROL, np.tile(np.array(station), (names, 1)))
+        place, zero = resected_instrument(value, CONTROL, where="x")
         np.testing.assert_allclose([*place, zero], station, atol=1e-9)
     flat = CONTROL * [1, 1, 0]
     with pytest.raises(SurveyError, match="7 control points"):
@@ -329,16 +337,16 @@ def test_field_book_round_trip(tmp_path, book):
     assert found.control.name == book.control.name
     assert found.planes == book.planes
     np.testing.assert_allclose(found.control.xyz, book.control.xyz, atol=1e-9)
-    turn = np.exp(1j * (found.network.value[:, 0] - book.network.value[:, 0]))
+    turn = np.exp(1j * (found.polar.value[:, 0] - book.polar.value[:, 0]))
     np.testing.assert_allclose(turn, 1.0, atol=1e-8)
-    np.testing.assert_allclose(found.network.value[:, 1:], book.network.value[:, 1:], atol=5.1e-6)
+    np.testing.assert_allclose(found.polar.value[:, 1:], book.polar.value[:, 1:], atol=5.1e-6)
     np.testing.assert_allclose(found.images.value, book.images.value, atol=3e-7)
     np.testing.assert_allclose(found.images.std, book.images.std, rtol=1e-3)
-    for position, part in book.base_sights.items():
-        assert found.base_sights[position].target == part.target
-        np.testing.assert_allclose(found.base_sights[position].std, part.std, rtol=1e-3)
-    for scanner, part in book.base_readings.items():
-        np.testing.assert_allclose(found.base_readings[scanner].xyz, part.xyz, atol=5.1e-6)
+    for position, part in book.base_polar.items():
+        assert found.base_polar[position].target == part.target
+        np.testing.assert_allclose(found.base_polar[position].std, part.std, rtol=1e-3)
+    for scanner, part in book.base_coordinates.items():
+        np.testing.assert_allclose(found.base_coordinates[scanner].xyz, part.xyz, atol=5.1e-6)
 
 
 @pytest.mark.parametrize(
@@ -362,37 +370,48 @@ def test_faults_of_a_field_book(tmp_path, book, file, old, new, message):
         read_field_book(paths(tmp_path))
 
 
-def test_targets_may_be_sighted_instead_of_photographed():
+def test_targets_may_be_observed_by_instruments_instead_of_cameras():
     rng = np.random.default_rng(2)
     names = (*NAMES, "E1", "E2")
-    control = Control(NAMES, CONTROL)
-    observed = sights(rng, np.concatenate([CONTROL, EXTRA]), names)
+    control = ControlPoints(NAMES, CONTROL)
+    observed = polar(rng, np.concatenate([CONTROL, EXTRA]), names)
     found = adjust_field_book(FieldBook(control, {"E1": "wall", "E2": "wall"}, observed))
     assert found.planes.name == ("E1", "E2")
     np.testing.assert_allclose(found.planes.xyz, EXTRA, atol=5e-3)
     assert accuracy(found)["item"] == ["control_points", "targets"]
-    assert [row["adjustment"] for row in as_dict(found)["adjustments"]] == ["control points"]
+    assert [row["adjustment"] for row in found.to_json()["adjustments"]] == ["control points"]
     with pytest.raises(SurveyError, match="target 'E9' of 'wall' was never observed"):
         adjust_field_book(FieldBook(control, {"E9": "wall"}, observed))
 
 
-def test_repeated_readings_tell_their_accuracy():
+def test_a_fault_is_found_in_the_row_of_the_file(tmp_path, book):
+    """Also if the row belongs to a later position."""
+    write_field_book(book, paths(tmp_path), 24.0)
+    path = tmp_path / "base_sights.csv"
+    lines = path.read_text().splitlines()
+    observed = lines[-1].rsplit(",", 3)[0]
+    path.write_text("\n".join([*lines[:-1], f"{observed},0,3,1"]) + "\n")
+    with pytest.raises(SurveyError, match=f"row {len(lines)}: "):
+        read_field_book(paths(tmp_path))
+
+
+def test_accuracy_of_repeated_coordinates_follows_from_their_scatter():
     rng = np.random.default_rng(5)
     true = rng.normal(size=(6, 3))
     names = tuple(f"B{i}" for i in range(6) for _ in range(50))
     xyz = np.repeat(true, 50, axis=0) + rng.normal(0.0, [2e-3, 1e-3, 1e-3], (300, 3))
-    readings = Targets(names, ("s",) * 300, xyz, np.full((300, 3), 5e-3))
+    repeated = Targets(names, ("s",) * 300, xyz, np.full((300, 3), 5e-3))
     control, observed, _ = everything()
-    book = FieldBook(control, {}, observed, base_readings={"s": readings})
-    found = adjust_field_book(book).readings["s"]
+    book = FieldBook(control, {}, observed, base_coordinates={"s": repeated})
+    found = adjust_field_book(book).base_scanner["s"]
     groups = xyz.reshape(6, 50, 3)
     expected = np.sqrt(groups.var(axis=1, ddof=1).mean(axis=0) / 50)
     np.testing.assert_allclose(found.targets.std, np.tile(expected, (6, 1)))
     np.testing.assert_allclose(found.targets.xyz, groups.mean(axis=1))
     assert found.redundancy == 3 * (300 - 6)
     assert found.probability < 1e-6  # 5 mm stated, 1 and 2 mm seen
-    once = replace(book, base_readings={"s": readings.take(range(0, 300, 50))})
-    single = adjust_field_book(once).readings["s"]
+    once = replace(book, base_coordinates={"s": repeated.take(range(0, 300, 50))})
+    single = adjust_field_book(once).base_scanner["s"]
     np.testing.assert_allclose(single.targets.std, 5e-3)
     assert np.isnan(single.variance_factor)
 
@@ -419,9 +438,12 @@ def test_targets_carry_their_covariance():
     joint[0, 3] = joint[3, 0] = 0.5
     targets = Targets(("a", "b", "c"), ("P",) * 3, np.zeros((3, 3)), np.ones((3, 3)))
     np.testing.assert_array_equal(targets.covariance(), np.eye(9))
-    content = {"targets": ["a", "b", "c"], "covariance_m2": joint.tolist()}
-    known = with_covariance(targets, content, where="x")
+    base = {"targets": ["a", "b", "c"], "covariance_m2": joint.tolist()}
+    covariances = SurveyCovariances.from_json({"base_field": {"P": base}, "planes": {}})
+    known = covariances.of_base(targets, "P", where="x")
     assert known.take([1, 0]).covariance()[3, 0] == 0.5
     np.testing.assert_array_equal(known.blocks()[2], np.diag([7.0, 8.0, 9.0]))
     with pytest.raises(SurveyError, match="other targets"):
-        with_covariance(targets.take([0, 1]), content, where="x")
+        covariances.of_base(targets.take([0, 1]), "P", where="x")
+    with pytest.raises(SurveyError, match=r"other targets.*'P2'"):
+        covariances.of_base(targets, "P2", where="x")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.errors import ConfigError, SurveyError, VelocalError
 from velocal.evaluation import panels as outdoor
@@ -13,6 +13,7 @@ from velocal.evaluation.planes_in_data import Cloud
 from velocal.recording.returns import read_short
 from velocal.reporting.figures import panels as outdoor_figure
 from velocal.reporting.figures.lasers import save
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
@@ -34,7 +35,8 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
     path.write_bytes(b"".join(capture.records(world, scanner, around, "x", ROTATIONS)))
     found, _, returns = read_short(path, SCANNERS[scanner])
     factory = truth.factory_parameters(world, scanner)
-    return Cloud.of_medians(returns, SCANNERS[scanner], found.index.rate_hz(), factory)
+    beams = Beams.from_ticks(returns, SCANNERS[scanner], found.index.rate_hz())
+    return Cloud.from_beams(beams, factory)
 
 
 def fitted(cloud, distance_m=10.0, **fit):
@@ -191,3 +193,25 @@ def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
         save(figure, tmp_path / f"{name}.svg", tmp_path / f"{name}.png")
         written.append((tmp_path / f"{name}.svg").read_bytes())
     assert written[0] == written[1]
+
+
+@pytest.mark.parametrize("scanner", ["HDL-32E", "VLP-32C"])
+def test_fog_and_people_have_the_tick_of_the_scanner(scanner):
+    """A VLP-32C sends distances in ticks of 4 mm."""
+    world = with_kind(study_world(), **CLEAR)
+    world = replace(world, scanners={scanner: world.scanner("HDL-32E")})
+    air = outdoor_scene(world, scanner, "real1", 1.0).between
+    n, tick = 200, SCANNERS[scanner].distance_tick_m
+    wall = np.full((n, SCANNERS[scanner].n_lasers), 10.0 / tick, dtype=np.float32)
+    person = Person(np.array([0.0, 5.0]), np.zeros(2), 0.25, -3.0, 3.0)
+    crossed = replace(air, people=[person])(
+        np.random.default_rng(0), np.zeros(n), np.zeros(n), wall
+    )
+    level = int(np.argmin(np.abs(air.truth.parameters.v)))
+    parameters = air.truth.parameters
+    flat = person.range(np.zeros(1), -parameters.alpha[level : level + 1])[0]
+    expected = flat / np.cos(parameters.v[level]) - parameters.dl[level]
+    assert 4.7 < flat < 4.9
+    assert crossed[0, level] * tick == pytest.approx(expected, abs=0.03)
+    fog = replace(air, lost_per_m=0.1)(np.random.default_rng(0), np.zeros(n), np.zeros(n), wall)
+    assert np.isnan(fog).mean() == pytest.approx(1.0 - np.exp(-1.0), abs=0.03)

@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
-from building_helpers import WORLD, stated
+from support.building import WORLD, stated
 
 from velocal.io import schemas, storage
 from velocal.reporting import captions
@@ -15,13 +15,13 @@ from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
-from velocal.study.config import Limits
+from velocal.study.config import AssignmentLimits
 from velocal.survey.network.survey import adjust_field_book
-from velocal.survey.station import adjust_station, as_dict, patches_of, pose_of
+from velocal.survey.station import Station, read_station
 from velocal.survey.targets import write_targets
 
 PLANES = ["short_wall", "long_wall", "floor"]
-LIMITS = Limits(distance_cm=25, edge_cm=5, incidence_deg=80)
+LIMITS = AssignmentLimits(distance_cm=25, edge_cm=5, incidence_deg=80)
 SELECTION = {"kind": "plan", "scanner": "HDL-32E", "samples": ["sa5", "sa6"]}
 PERFECT = WORLD.without_errors()
 
@@ -41,15 +41,15 @@ def views(tmp_path_factory):
                    "spread": np.zeros(len(laser)), "count": np.full(len(laser), 100)}  # fmt: skip
         medians.append(folder / f"{sample}.parquet")
         storage.write_table(medians[-1], schemas.MEDIANS, columns, rotation_rate_hz=10.0)
-        station = adjust_station(
+        station = Station.adjust(
             surveyed.planes,
-            surveyed.readings["HDL-32E"].targets,
-            surveyed.base_field[position],
+            surveyed.base_scanner["HDL-32E"].targets,
+            surveyed.base_site[position],
             PLANES,
             where="survey",
         )
         surveys.append(folder / f"{position}.json")
-        storage.write_json(surveys[-1], {"position": position, **as_dict(station)})
+        storage.write_json(surveys[-1], station.to_json())
     return medians, surveys, folder / "targets.csv"
 
 
@@ -60,13 +60,13 @@ def numbers(views):
     surveyed = plan_targets(targets)
     parameters = unit_truth(PERFECT, "HDL-32E").parameters
     frames = []
-    for path, station in zip(medians, map(storage.read_json, surveys), strict=True):
+    for path, station in zip(medians, map(read_station, surveys), strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
         view = plan_figure.View(
-            station["position"], path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
-            columns, parameters, patches_of(station), pose_of(station),
+            station.position, path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
+            columns, parameters, station.patches, station.pose,
         )  # fmt: skip
-        frames.append(plan_figure.plan(view, surveyed, LIMITS.gates()))
+        frames.append(plan_figure.plan(view, surveyed, LIMITS.metric()))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -80,11 +80,11 @@ def test_medians_lie_on_the_planes_of_the_field(numbers):
     for plane, axis in (("short_wall", "x_m"), ("long_wall", "y_m"), ("floor", "z_m")):
         assert on.loc[on["plane"] == plane, axis].abs().max() < 0.01
     off = numbers[numbers["kind"] == "other"]
-    (x0, x1), (y0, y1) = WORLD.field["room_x_m"], WORLD.field["room_y_m"]
+    (x0, x1), (y0, y1) = WORLD.site["room_x_m"], WORLD.site["room_y_m"]
     assert off["x_m"].between(x0 - 0.05, x1 + 0.05).all()
     assert off["y_m"].between(y0 - 0.05, y1 + 0.05).all()
     # The frame of a free network is off by the rounding of the sketch, a centimetre.
-    assert off["z_m"].between(0.09, WORLD.field["wall_height_m"] + 0.01).all()
+    assert off["z_m"].between(0.09, WORLD.site["wall_height_m"] + 0.01).all()
 
 
 def test_scanners_stand_where_they_were_surveyed(numbers):
@@ -104,23 +104,23 @@ def test_medians_are_thinned_evenly_and_counted(numbers):
         step = -(-of // plan_figure.MEDIANS)
         assert len(rows) == -(-of // step) <= plan_figure.MEDIANS
     targets = numbers[(numbers["kind"] == "target") & (numbers["position"] == "P5")]
-    assert len(targets) == sum(WORLD.field["targets"].values())
+    assert len(targets) == sum(WORLD.site["targets"].values())
 
 
 def test_nothing_measured_still_makes_a_plan(views):
     medians, surveys, targets = views
-    station = storage.read_json(surveys[0])
+    station = read_station(surveys[0])
     columns, _ = storage.read_table(medians[0], schemas.MEDIANS)
     view = plan_figure.View(
         "P5", "sa5", SCANNERS["HDL-32E"], 10.0,
         {name: values[:0] for name, values in columns.items()},
-        unit_truth(PERFECT, "HDL-32E").parameters, patches_of(station), pose_of(station),
+        unit_truth(PERFECT, "HDL-32E").parameters, station.patches, station.pose,
     )  # fmt: skip
-    found = plan_figure.plan(view, plan_targets(targets), LIMITS.gates())
+    found = plan_figure.plan(view, plan_targets(targets), LIMITS.metric())
     assert not len(found[found["kind"] == "median"])
     plan_figure.draw_plan(found, SELECTION, simulated=False)
     turned = replace(view, pose=view.pose.inverse().inverse())
-    again = plan_figure.plan(turned, plan_targets(targets), LIMITS.gates())
+    again = plan_figure.plan(turned, plan_targets(targets), LIMITS.metric())
     pd.testing.assert_frame_equal(found, again)
 
 

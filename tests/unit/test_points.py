@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from capture_helpers import pcap, record_list, spin, write
+from support.capture import pcap, record_list, spin, write
 from typer.testing import CliRunner
 
 from velocal.calibration.files import formats
 from velocal.cli import app
 from velocal.errors import ConfigError
-from velocal.packets import data as packets
+from velocal.packets.firings import decode
 from velocal.points import stream as placing
 from velocal.points.files import HEADER_BYTES, cloud_writer, fields
 from velocal.points.stream import Settings, raw_returns, stream
@@ -56,7 +56,7 @@ def everything(path, settings, rotations=None):
 def expected(path, payloads, settings, parameter_set):
     """Points by the functions that the adjustment uses, in double precision."""
     scanner = settings.scanner
-    firings = packets.decode(payloads, scanner)
+    firings = decode(payloads, scanner)
     laser = firings.laser_id().reshape(-1)
     azimuth = np.repeat(firings.azimuth, scanner.lasers_per_firing)
     kept = firings.distance.reshape(-1) > 0
@@ -122,9 +122,7 @@ def test_time_of_every_shot(name, tmp_path):
     payloads, path = recording(tmp_path, name, stamp_us=3_600_000_000 - 300 * interval)
     scanner = SCANNERS[name]
     columns = everything(path, Settings(scanner, calibration(scanner)))
-    packet = np.repeat(np.arange(PACKETS), 384)[
-        packets.decode(payloads, scanner).distance.ravel() > 0
-    ]
+    packet = np.repeat(np.arange(PACKETS), 384)[decode(payloads, scanner).distance.ravel() > 0]
     within = columns["time"] - packet * interval * 1e-6
     assert within.min() == pytest.approx(0, abs=1e-9)
     assert within.max() < 1.01e-6 * interval
@@ -168,9 +166,9 @@ def test_raw_returns_are_those_of_the_points(tmp_path):
     scanner = SCANNERS["HDL-64E"]
     settings = Settings(scanner, calibration(scanner), min_range_m=3.0)
     found = inspect(path)
-    distance, phi, laser = raw_returns(path, found, np.array([1]), settings)
+    beams = raw_returns(path, found, np.array([1]), settings)
     columns = everything(path, settings, [1])
-    xyz = beam_model.points(distance, phi, laser, settings.parameters)
+    xyz = beams.points(settings.parameters)
     np.testing.assert_allclose(stacked(columns), xyz, atol=1e-4)
 
 
@@ -326,7 +324,7 @@ def test_command(capture, tmp_path):
     ("arguments", "message"),
     [
         (["-o", "x.xyz"], "unknown suffix '.xyz'"),
-        (["-o", "x.ply", "--rotations", "5"], "is no range"),
+        (["-o", "x.ply", "--rotations", "5"], "is not a range"),
         (["-o", "x.ply", "--rotations", "900:"], "holds no rotation"),
         (["-o", "x.ply", "--picture", "x.png"], "together with --before"),
         (["-o", "x.ply", "--frame", "enu"], "allowed: velocal, ros"),

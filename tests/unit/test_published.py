@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 from compare_with_paper import main
-from results_helpers import TABLES, statistics
+from support.results import TABLES, statistics
 
 from velocal.errors import VelocalError
 from velocal.io import storage

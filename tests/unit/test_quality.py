@@ -56,7 +56,7 @@ def test_noise_of_blocks_that_are_correlated_with_their_neighbours():
     assert 0.10 < 1.0 - shown / true < 0.13
 
     data, zero = on_floor(2.0 * np.pi * (np.arange(n) + 0.5) / n, root.T)
-    model = Stochastic(0.01, PRIOR, block_rad=2.0 * np.pi / blocks)
+    model = Stochastic(noise_std_m=0.01, prior_std=PRIOR, block_rad=2.0 * np.pi / blocks)
     found = adjust_all(data, zero, ("dl",), GaussHelmert(), model)
     corrections = np.array([laser.corrections[0] for laser in found])
     assert corrections @ corrections == pytest.approx(true, rel=1e-6)
@@ -68,7 +68,7 @@ def adjusted_mean(n, **known):
     """The mean of `n` independent distances as the correction of one laser."""
     errors = np.random.default_rng(n).normal(0.0, 0.01, (1, n))
     data, zero = on_floor(np.linspace(0.0, 6.0, n), errors)
-    model = Stochastic(0.01, PRIOR, **known)
+    model = Stochastic(noise_std_m=0.01, prior_std=PRIOR, **known)
     return adjust_all(data, zero, ("dl",), GaussHelmert(), model)[0]
 
 
@@ -123,10 +123,10 @@ def test_a_parameter_is_weakly_determined_below_one_half(dl_share, hoff_share, w
     information = np.array([len(phi), np.sum(np.tan(phi) ** 2)]) / noise_m**2
     prior = np.sqrt(share / (1.0 - share) / information)
     data, zero = on_wall(phi, error_m * (1.0 + np.tan(phi))[None])
-    model = Stochastic(noise_m, dict(zip(("dl", "hoff"), prior, strict=True)))
+    model = Stochastic(noise_std_m=noise_m, prior_std=dict(zip(("dl", "hoff"), prior, strict=True)))
     found = adjust_all(data, zero, ("dl", "hoff"), WithPrior(), model)[0]
     # The data alone would correct both by -error_m, the prior alone by zero.
     np.testing.assert_allclose(found.corrections, -share * error_m, rtol=1e-6)
     np.testing.assert_allclose(np.sqrt(np.diag(found.parts["prior"])), (1.0 - share) * prior)
-    assert found.held == weak
-    assert sorted(found.open_combinations) == sorted(weak)
+    assert found.weakly_determined == weak
+    assert sorted(found.non_estimable) == sorted(weak)

@@ -7,10 +7,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
-from results_helpers import TABLES, statistics
+from support.results import TABLES, statistics
 from write_report import main
 
-from velocal.calibration.files import velocal_csv as calibration_table
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import CalibrationFile
 from velocal.io import storage
 from velocal.paper import printed as published
 from velocal.paper import tables
@@ -235,7 +236,7 @@ def test_script_reads_what_is_there(tmp_path):
     drawn.write_bytes(PNG)
     storage.write_csv(drawn.with_suffix(".csv"), FULL.figures[0].numbers)
     of_set = tmp_path / "HDL-32E/set1.csv"
-    calibration_table.write(of_set, FACTORY, {"dl": np.full(32, 0.001)})
+    formats.write(of_set, CalibrationFile(FACTORY, std={"dl": np.full(32, 0.001)}))
     files = {
         "ledgers": [tmp_path / "recordings/sa5/ledger.json"],
         "summary": tmp_path / "summary.csv",

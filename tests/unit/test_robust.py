@@ -14,7 +14,7 @@ from velocal.scanner.parameters import LaserParameters
 NAMES = ("dl", "alpha")
 TRUE = LaserParameters(*(np.array([x]) for x in (0.05, 0.02, -0.2, 0.2, 0.026)))
 START = TRUE.corrected({"dl": np.array([-0.06]), "alpha": np.array([0.002])})
-STOCHASTIC = Stochastic(0.01, {"dl": 0.05, "alpha": 0.0035})
+STOCHASTIC = Stochastic(noise_std_m=0.01, prior_std={"dl": 0.05, "alpha": 0.0035})
 
 
 def data(share, size, noise=0.01, n=500):
@@ -47,7 +47,7 @@ def test_weights():
 def test_outliers_of_one_side(kind, size, bound):
     seen, _ = data(0.2, size)
     plain = adjust_laser(seen, 0, START, NAMES, WithPrior(), STOCHASTIC)
-    found = adjust_laser(seen, 0, START, NAMES, Robust(WithPrior(), kind), STOCHASTIC)
+    found = adjust_laser(seen, 0, START, NAMES, Robust(base=WithPrior(), kind=kind), STOCHASTIC)
     assert found.converged
     assert abs(plain.corrections[0] - 0.06) > 0.03
     assert abs(found.corrections[0] - 0.06) < bound
@@ -58,7 +58,9 @@ def test_sums_are_those_of_the_weighted_rows():
     for block_rad in (None, 0.1):
         model = replace(STOCHASTIC, block_rad=block_rad)
         seen, bad = data(0.2, 1.0)
-        found = adjust_laser(seen, 0, START, NAMES, Robust(WithPrior(), "snooping"), model)
+        found = adjust_laser(
+            seen, 0, START, NAMES, Robust(base=WithPrior(), kind="snooping"), model
+        )
         clean = adjust_laser(seen.take(~bad), 0, START, NAMES, WithPrior(), model)
         assert found.redundancy == pytest.approx(clean.redundancy, abs=5)
         assert found.variance_factor == pytest.approx(clean.variance_factor, rel=0.05)
@@ -69,11 +71,11 @@ def test_good_data_lose_little():
     seen, _ = data(0.0, 0.0)
     plain = adjust_laser(seen, 0, START, NAMES, WithPrior(), STOCHASTIC)
     for kind in ("huber", "igg", "snooping"):
-        found = adjust_laser(seen, 0, START, NAMES, Robust(WithPrior(), kind), STOCHASTIC)
+        found = adjust_laser(seen, 0, START, NAMES, Robust(base=WithPrior(), kind=kind), STOCHASTIC)
         np.testing.assert_allclose(found.corrections, plain.corrections, atol=1e-3)
 
 
 def test_exact_data_have_no_spread():
     seen, _ = data(0.0, 0.0, noise=0.0)
-    found = adjust_laser(seen, 0, TRUE, NAMES, Robust(WithPrior(), "igg"), STOCHASTIC)
+    found = adjust_laser(seen, 0, TRUE, NAMES, Robust(base=WithPrior(), kind="igg"), STOCHASTIC)
     np.testing.assert_allclose(found.corrections, 0.0, atol=1e-12)

@@ -2,13 +2,24 @@
 
 import numpy as np
 import pytest
-from capture_helpers import pcap, record_list, spin, two_returns, write
+from support.capture import (
+    as_bytes,
+    pcap,
+    pcap_head,
+    pcap_packet,
+    record_list,
+    spin,
+    two_returns,
+    udp_frame,
+    write,
+)
 
 from velocal.capture import framing
 from velocal.capture import order as sequence
 from velocal.errors import ConfigError, RecordingError
 from velocal.io import schemas, storage
-from velocal.packets.data import decode, view
+from velocal.packets.data import view
+from velocal.packets.firings import decode
 from velocal.recording import scan as rotations
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.returns import write_returns
@@ -148,7 +159,7 @@ def test_text_is_no_clock(tmp_path):
 
 
 def test_damage_at_the_beginning_does_not_hide_the_clock(tmp_path):
-    """The first sound packet stands alone, and one time is no clock."""
+    """The first valid packet stands alone, and one time is no clock."""
     records = record_list(spin(N), 42)
     records[1] = records[1][:500] + records[1][503:]
     found = inspect(write(tmp_path, records))
@@ -195,6 +206,35 @@ def test_what_the_packets_say(tmp_path):
     assert other.product == 0x22
     assert not other.calibration_in_stream
     assert other.block_counts == {"upper": 12 * N, "lower": 0}
+
+
+def test_times_that_are_mostly_equal_show_no_gap(tmp_path):
+    """As of a computer whose clock steps every 20 packets; they tell neither rate nor gaps."""
+    payloads = with_text(spin(N, paired=True))
+    frames = [udp_frame(payload) for payload in as_bytes(payloads)]
+    caught = [pcap_packet(frame, 20 * (number // 20)) for number, frame in enumerate(frames)]
+    del caught[50:55]
+    found = inspect(write(tmp_path, [pcap_head(), *caught]))
+    assert found.clock == "capture"
+    assert np.isnan(found.packet_interval_s)
+    assert np.isnan(found.as_dict()["packet_rate_hz"])
+    assert (found.gaps, found.packets_missing) == (0, 0)
+    assert SCANNERS["HDL-64E"] in candidates(found)
+
+
+def test_what_is_told_to_programs_and_people(tmp_path):
+    found = inspect(recording(tmp_path, np.delete(spin(N), [45], axis=0)))
+    assert list(found.as_dict()) == [
+        "duration_s", "clock", "rotations", "rotations_complete", "rotation_rate_hz",
+        "packet_rate_hz", "azimuth_step_deg", "azimuth_resolution_deg", "gaps", "packets_missing",
+        "block_counts", "returns", "product", "status_types", "calibration_in_stream", "status",
+        "ledger",
+    ]  # fmt: skip
+    told = {fact.label: fact.text for fact in found.facts() if fact.label}
+    assert told["gaps"] == "1, about 1 packets missing"
+    assert told["rotations"] == "7, 4 complete"
+    assert told["azimuth step"] == "1.50 deg, in multiples of 0.50 deg"
+    assert told["product byte"] == "0x21"
 
 
 # -- windows -----------------------------------------------------------------------------------
@@ -297,7 +337,7 @@ def test_a_rotation_shorter_than_a_packet(tmp_path):
 
 
 def test_returns_of_rotations(tmp_path):
-    """A stretch without one sound packet amid the rotation does not stop the decoding."""
+    """A stretch without one valid packet amid the rotation does not stop the decoding."""
     payloads = spin(N)
     azimuth = view(payloads)["blocks"]["azimuth"]
     azimuth[41] = 40_000

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from pydantic import BaseModel
@@ -44,6 +44,7 @@ def job(log=(), **parts):
         (Limits(distance_cm=1.0), Limits, Limits(distance_cm=1.0)),
         ({"a": {"distance_cm": 1}}, Mapping[str, Limits], {"a": Limits(distance_cm=1.0)}),
         ([1, "x"], Any, [1, "x"]),
+        ("equal", Literal["equal", "other"], "equal"),
     ],
 )
 def test_values_become_what_the_annotation_says(value, type_, expected):
@@ -68,6 +69,7 @@ def test_values_become_what_the_annotation_says(value, type_, expected):
         ("a", Mapping[str, Any]),
         ({"distance": 1}, Limits),
         (1, complex),
+        ("third", Literal["equal", "other"]),
         (1, int | str),
     ],
 )

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop.chain import study_world
+from support.chain import study_world
 
 from velocal.errors import ConfigError
 from velocal.packets.data import view
 from velocal.recording.identify import candidates
 from velocal.recording.scan import inspect
 from velocal.simulation import capture, survey, truth
-from velocal.simulation.scene import cast, surveyed_field
+from velocal.simulation.scene import cast, site_surfaces
 
 
 def recording(world, scanner="HDL-32E", position="P5", sample="x", rotations=3):
@@ -60,7 +60,7 @@ def test_distances_are_those_of_the_scene():
     azimuth = packets["blocks"]["azimuth"].reshape(-1)
     raw = packets["blocks"]["channels"]["distance"].reshape(-1, 32)
     true, pose = truth.unit_truth(world, "HDL-32E").parameters, world.pose("P5")
-    surfaces = surveyed_field(world)
+    surfaces = site_surfaces(world)
     for laser in (0, 9, 31):
         theta = np.deg2rad(azimuth / 100) + 2 * np.pi * 10 * 1.152e-6 * laser - true.alpha[laser]
         v = true.v[laser]
@@ -78,8 +78,8 @@ def test_distances_are_those_of_the_scene():
 
 def test_relief_is_as_printed():
     for name in ("short_wall", "long_wall"):
-        mean, largest = study_world().field["flatness"][name].values()
-        surface = surveyed_field(study_world())[name]
+        mean, largest = study_world().site["flatness"][name].values()
+        surface = site_surfaces(study_world())[name]
         a, b = (x.ravel() for x in np.meshgrid(*(np.linspace(0, e, 300) for e in surface.size)))
         height = surface.relief(a, b) * 1e3
         plane = np.column_stack([np.ones_like(a), a, b])
@@ -95,9 +95,9 @@ def test_observations_are_as_good_as_stated():
     assert len(true.planes) == 372
     assert len(true.control.name) == 23
     for exact, measured in (
-        (true.network, noisy.network),
+        (true.polar, noisy.polar),
         (true.images, noisy.images),
-        *((part, noisy.base_sights[name]) for name, part in true.base_sights.items()),
+        *((part, noisy.base_polar[name]) for name, part in true.base_polar.items()),
     ):
         assert measured.target == exact.target
         error = (measured.value - exact.value) / exact.std
@@ -108,10 +108,10 @@ def test_observations_are_as_good_as_stated():
 
 def test_base_targets_are_intersected_not_measured():
     """The paper has directions only: no sight to a base has a distance."""
-    for sights in survey.field_book(study_world()).base_sights.values():
-        base = np.array([name.startswith("B") for name in sights.target])
+    for polar in survey.field_book(study_world()).base_polar.values():
+        base = np.array([name.startswith("B") for name in polar.target])
         assert base.any()
-        np.testing.assert_array_equal(np.isfinite(sights.value[:, 2]), ~base)
+        np.testing.assert_array_equal(np.isfinite(polar.value[:, 2]), ~base)
 
 
 def test_a_new_position_changes_no_observation_of_others():
@@ -123,9 +123,9 @@ def test_a_new_position_changes_no_observation_of_others():
     )
     one, other = survey.field_book(world), survey.field_book(more)
     np.testing.assert_array_equal(one.images.value, other.images.value)
-    np.testing.assert_array_equal(one.network.value, other.network.value)
-    for name, sights in one.base_sights.items():
-        np.testing.assert_array_equal(sights.value, other.base_sights[name].value)
+    np.testing.assert_array_equal(one.polar.value, other.polar.value)
+    for name, polar in one.base_polar.items():
+        np.testing.assert_array_equal(polar.value, other.base_polar[name].value)
 
 
 def test_unknown_scanner():

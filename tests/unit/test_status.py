@@ -49,10 +49,10 @@ def stream(
     )  # fmt: skip
 
 
-def read(trailing: np.ndarray, chunk: int = 1000) -> status.StatusStream:
+def read(trailing: np.ndarray, chunk: int = 1000) -> status.TrailingStatus:
     reader = StatusReader()
     for begin in range(0, len(trailing), chunk):
-        reader.take(trailing[begin : begin + chunk])
+        reader.consume(trailing[begin : begin + chunk])
     return reader.result()
 
 
@@ -77,9 +77,9 @@ def test_a_whole_table(series):
     assert found.firmware == "4.07 (0x47)"
     assert found.gps_time == datetime(2010, 12, 15, 21, 19, 55, tzinfo=UTC)
     assert found.gps_valid
-    assert found.unit["calibrated"] == "2011-02-15T10:30:00"
-    assert found.unit["fov_deg"] == [0.0, 360.0]
-    assert found.unit["source"] == "10.0.0.5"
+    assert found.unit.calibrated == "2011-02-15T10:30:00"
+    assert found.unit.fov_deg == (0.0, 360.0)
+    assert found.unit.source == "10.0.0.5"
     factory = found.calibration("x")
     numbers = np.arange(64)
     np.testing.assert_allclose(factory.v, np.deg2rad(-7.0 + 0.11 * numbers), atol=1e-16)
@@ -139,7 +139,7 @@ def test_tables_that_disagree():
     assert (most.tables, most.deviating) == (2, 1)
     assert most.calibration("x").dl[0] == 1.2
     half = read(stream([table(), table(lasers=other_laser)]))
-    with pytest.raises(RecordingError, match="its 2 sound tables disagree"):
+    with pytest.raises(RecordingError, match="its 2 valid tables disagree"):
         half.calibration("x")
 
 
@@ -194,7 +194,7 @@ def test_none():
     trailing = rng.integers(0, 256, (5000, 6)).astype(np.uint8)
     trailing[:, 4:] = (0x37, 0x21)
     found = read(trailing)
-    assert found.as_dict() == status.StatusStream(packets=5000).as_dict()
+    assert found.as_dict() == status.TrailingStatus(packets=5000).as_dict()
     with pytest.raises(RecordingError, match="no status bytes"):
         found.calibration("x")
     assert read(trailing[:0]).kind == "none"

@@ -266,6 +266,7 @@ def test_the_embedded_calibration(config, tmp_path):
             EMBEDDED.format("embedded").replace("64E", "32E"),
             "32E sends no calibration.*'embedded'",
         ),
+        (EMBEDDED.format("embedded").replace("64E", "64E-S1"), "64E-S1 sends no calibration"),
     ],
 )
 def test_faults_of_the_embedded_calibration(config, tmp_path, rows, message):

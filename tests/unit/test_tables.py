@@ -5,7 +5,7 @@ import io
 
 import pytest
 from make_table import main
-from results_helpers import STD_CM, TABLES, statistics
+from support.results import STD_CM, TABLES, statistics
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.evaluation.statistics import best_set, mean_std_of_sets

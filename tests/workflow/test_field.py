@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from workflow.running import copy_project, snakemake
+from support.running import copy_project, snakemake
 
 pytestmark = pytest.mark.workflow
 

@@ -70,6 +70,7 @@ def figure(name: str, number: str, rule: str = "draw_lasers") -> Given:
     return Given(rule, name, (("figure", number),))
 
 
+PANEL_KIND = Given("draw_panels", "kind", (("figure", "27"),))
 DRAWN = Given("draw_map", "selection")
 SEARCHED = ((("unsurveyed", "patches"), {}),)
 
@@ -181,7 +182,7 @@ CHANGES = {
     "outdoor.fit.min_lasers": change("outdoor.fit.min_lasers", 64, PANELS),
     "outdoor.fit.incidence_deg": change("outdoor.fit.incidence_deg", 12, PANELS),
     'outdoor.figures."NN"': change(
-        "outdoor.figures.27", ["ideal", "HDL-64E"], Given("draw_panels", "kind", (("figure", "27"),))
+        "outdoor.figures.27", ["ideal", "HDL-64E"], PANEL_KIND
     ),
     "unsurveyed.sigma_cm": change("unsurveyed.sigma_cm", 1.0, "results/field/room/lasers.csv"),
     f"{BOX}.x_m": change("unsurveyed.patches.room.wall.x_m", [-0.5, 0.5], PLANES),

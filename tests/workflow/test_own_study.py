@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from capture_helpers import pcap_head, pcap_packet
-from closed_loop.chain import study_world
-from workflow.running import ROOT, snakemake
+from support.capture import pcap_head, pcap_packet
+from support.chain import study_world
+from support.running import ROOT, snakemake
 
 from velocal.calibration.files import formats
 from velocal.recording.scan import inspect
@@ -43,8 +43,8 @@ def hand_over(folder):
     surveyed = adjust_field_book(survey.field_book(world))
     for name, group, targets in (
         ("planes", "plane", surveyed.planes),
-        ("base_scanner", "scanner", surveyed.readings[SCANNER].targets),
-        ("base_field", "position", surveyed.base_field[POSITION]),
+        ("base_scanner", "scanner", surveyed.base_scanner[SCANNER].targets),
+        ("base_field", "position", surveyed.base_site[POSITION]),
     ):
         write_targets(folder / f"survey/{name}.csv", group, [targets])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from snakemake.api import SnakemakeApi
 from snakemake.settings.types import OutputSettings, Quietness, ResourceSettings
-from workflow.running import ROOT
+from support.running import ROOT
 
 from velocal.io.scripts import TRIGGERS, disagreements
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from workflow.running import copy_project, snakemake
-from workflow.tiny import NEW_ROW, SECOND_POSITION, make_tiny
+from support.running import copy_project, snakemake
+from support.tiny import NEW_ROW, SECOND_POSITION, make_tiny
 
 from velocal.calibration.files import formats
 from velocal.simulation.truth import factory_parameters

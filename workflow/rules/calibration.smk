@@ -3,7 +3,7 @@
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
-#                                                          rank and what is held, per laser
+#                                                          rank and quality, per laser
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
 #                                                          yaml and db.xml for drivers (`export`)

@@ -1,7 +1,7 @@
 """Lasers and planes adjusted together, as with a test field that nobody surveyed.
 
 After Glennie and Lichti (2010): every plane is unknown, and all lasers that hit it share it. The
-planes that are handed in only start the iteration.
+planes of the observations are only the start of the iteration.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.functional import ADJUSTABLE
-from velocal.adjustment.lasers import Observations, split
+from velocal.adjustment.core import gauss_newton
+from velocal.adjustment.functional import ADJUSTABLE, scaled, split
+from velocal.adjustment.lasers import Observations
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.scanner.beam import laser_beams
@@ -21,13 +22,13 @@ from velocal.scanner.parameters import LaserParameters
 
 Array = NDArray[np.float64]
 
-#: Corrections whose mean over the observed lasers is kept at zero: the datum. A common alpha is a
-#: turn of all planes, a common range scale their size.
+#: The datum: corrections whose mean over the observed lasers is kept at zero, because a common
+#: alpha cannot be told from a rotation of all planes, nor a common range scale from their size.
 DATUM = ("alpha", "scale")
 #: Unknowns of a plane: two of the direction of its normal (rad) and the offset (m), and units in
-#: which they are so large that no plane is ever held.
+#: which any data determine them.
 _PLANE, _PLANE_UNIT = 3, 1.0
-#: Weight of a datum condition: its sum in units of the prior, to this standard deviation.
+#: Standard deviation of a datum condition: of the sum of a correction in units of its prior.
 _DATUM_STD = 1e-6
 
 
@@ -60,12 +61,35 @@ class JointAdjustment:
 
 @dataclass(frozen=True)
 class _Planes:
-    """Planes as they start, and what their unknowns do to them."""
+    """Planes at the start, and how their unknowns change them.
+
+    Attributes
+    ----------
+    group : ndarray of int, shape (n,)
+        Plane of every observation.
+    normal : ndarray, shape (groups, 3)
+        Unit normals at the start.
+    tangent : ndarray, shape (groups, 2, 3)
+        Two directions across each normal, in which it can turn.
+    offset : ndarray, shape (groups,)
+        Offsets at the start, metres.
+    """
 
     group: NDArray[np.int64]
     normal: Array
     tangent: Array
     offset: Array
+
+    @classmethod
+    def at_start(cls, observations: Observations, group: NDArray[np.integer]) -> _Planes:
+        """Planes that the observations come with."""
+        first = np.unique(group, return_index=True)[1]
+        normal = observations.normal[first]
+        # The coordinate axes that are nearest to the plane, projected into it.
+        axes = np.eye(3)[np.argsort(np.abs(normal), axis=1)[:, :2]]
+        along = np.einsum("gki,gi->gk", axes, normal)
+        tangent = axes - along[:, :, None] * normal[:, None, :]
+        return cls(group.astype(np.int64), normal, tangent, observations.offset[first])
 
     def at(self, y: Array) -> tuple[Array, Array, Array]:
         """Normals, offsets, and derivatives (groups, 2, 3) of the normals at the unknowns."""
@@ -79,12 +103,101 @@ class _Planes:
 
 @dataclass(frozen=True)
 class _Linearised:
-    """Normal equations A' M A and A' M w, misclosures w, and the diagonal of M."""
+    """A linearisation of all unknowns, A the design matrix and M the weights.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (unknowns, unknowns)
+        Normal equations A' M A.
+    right : ndarray, shape (unknowns,)
+        A' M w.
+    w : ndarray, shape (n,)
+        Misclosures.
+    weight : ndarray, shape (n,)
+        Diagonal of M.
+    """
 
     matrix: Array
     right: Array
     w: Array
     weight: Array
+
+
+class JointProblem:
+    """All lasers and planes as the one block of an adjustment; see `core.Problem`.
+
+    Unknowns are the parameters of all lasers, laser by laser, then those of all planes; they are
+    in units of their prior standard deviations.
+
+    Parameters
+    ----------
+    observations, group, initial, names, stochastic, truncate_at
+        As for `adjust_joint`.
+    """
+
+    def __init__(
+        self,
+        observations: Observations,
+        group: NDArray[np.integer],
+        initial: LaserParameters,
+        names: Sequence[str],
+        stochastic: Stochastic,
+        truncate_at: float,
+    ) -> None:
+        self.data, self.initial, self.names = observations, initial, tuple(names)
+        self.stochastic, self.truncate_at = stochastic, truncate_at
+        self.planes = _Planes.at_start(observations, group)
+        lasers, u, planes = len(initial), len(names), len(self.planes.offset)
+        prior = stochastic.prior_of(names)
+        self.unit = np.concatenate([np.tile(prior, lasers), np.full(planes * _PLANE, _PLANE_UNIT)])
+        seen = np.bincount(observations.laser_id, minlength=lasers) > 0
+        #: Unknowns of which there are observations.
+        self.observed = np.concatenate([np.repeat(seen, u), np.ones(planes * _PLANE, dtype=bool)])
+        fixed = [column for column, name in enumerate(names) if name in DATUM]
+        self.datum = np.zeros((len(self.unit), len(fixed)))
+        for number, column in enumerate(fixed):
+            self.datum[column : lasers * u : u, number] = seen / _DATUM_STD
+        self._basis: Array | None = None
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations of the unknowns that data and datum determine."""
+        assert self._basis is not None
+        return int(self._basis.shape[1])
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Corrections of the lasers (lasers, u) and changes of the planes (groups, 3)."""
+        ends = len(self.initial) * len(self.names)
+        physical = x * self.unit
+        return physical[:ends].reshape(-1, len(self.names)), physical[ends:].reshape(-1, _PLANE)
+
+    def at(self, block: int, x: Array) -> _Linearised:
+        """Linearise in units of the prior, with the datum as further observations."""
+        there = _normal_equations(
+            self.data, self.planes, self.split(x), self.initial, self.names, self.stochastic
+        )
+        condition = self.datum.T @ x
+        return _Linearised(
+            there.matrix * np.outer(self.unit, self.unit) + self.datum @ self.datum.T,
+            there.right * self.unit + self.datum @ condition,
+            np.concatenate([there.w, condition]),
+            np.concatenate([there.weight, np.ones_like(condition)]),
+        )
+
+    def corrections(self, blocks: Sequence[int], states: Sequence[_Linearised]) -> list[Array]:
+        """Solve the normal equations in the space that the first of them determine."""
+        (here,) = states
+        if self._basis is None:
+            values, vectors = np.linalg.eigh(here.matrix[np.ix_(self.observed, self.observed)])
+            basis = np.zeros((len(self.unit), len(values)))
+            basis[self.observed] = vectors
+            self._basis = basis[:, values > 1.0 / self.truncate_at**2]
+        matrix = self._basis.T @ here.matrix @ self._basis
+        return [-self._basis @ np.linalg.solve(matrix, self._basis.T @ here.right)]
+
+    def objective(self, here: _Linearised, there: _Linearised) -> float:
+        """Weighted sum of squared misclosures, with the weights of `here`."""
+        return float(here.weight @ there.w**2)
 
 
 def adjust_joint(
@@ -101,8 +214,9 @@ def adjust_joint(
     """Adjust all lasers together with the planes that they hit.
 
     A Gauss-Helmert adjustment, ``min sum (s / sigma)^2`` over the parameters of all lasers and
-    three unknowns per plane, by normal equations of all of them. What neither data nor datum
-    determine (posterior standard deviation above `truncate_at` prior ones) is held.
+    three unknowns per plane, by normal equations of all of them. Combinations of the unknowns
+    that neither data nor datum determine (posterior standard deviation above `truncate_at` prior
+    ones) stay at their initial values.
 
     Parameters
     ----------
@@ -112,112 +226,83 @@ def adjust_joint(
         Plane of every observation, 0, 1, ... over all stations: stations of one set-up share
         their planes, others do not, because their poses are unknown as well.
     initial : LaserParameters
+        Where the lasers start.
     names : sequence of str
         Parameters to adjust, out of `functional.ADJUSTABLE`.
     stochastic : Stochastic
-        Weights; its prior only decides what is held, and forms the datum.
+        Weights. Its prior does not enter the sum of squares; it only decides on the rank, and
+        gives the parameters of the datum their units.
     truncate_at : float
+        See above.
     max_iterations : int
         Largest number of linearisations.
     tolerance : float
-        The iteration ends when no unknown changes by more, in units of its prior.
+        The iteration ends when no unknown changes by more than this times its prior standard
+        deviation (or itself, if that is larger).
+
+    Returns
+    -------
+    JointAdjustment
+        Lasers and planes.
 
     Raises
     ------
     VelocalError
-        If there are no observations.
+        If there are no observations, or a parameter has no prior standard deviation.
     """
     if not len(observations.phi):
         raise VelocalError("no observations to adjust lasers and planes on", where="adjustment")
-    lasers, u = len(initial), len(names)
-    groups = int(group.max()) + 1
-    first = np.unique(group, return_index=True)[1]
-    normal = observations.normal[first]
-    # Two directions across each normal: the axes that it is least along.
-    axes = np.eye(3)[np.argsort(np.abs(normal), axis=1)[:, :2]]
-    tangent = axes - np.einsum("gki,gi->gk", axes, normal)[:, :, None] * normal[:, None, :]
-    planes = _Planes(group.astype(np.int64), normal, tangent, observations.offset[first])
-    prior = np.array([stochastic.prior_std[name] for name in names])
-    unit = np.concatenate([np.tile(prior, lasers), np.full(groups * _PLANE, _PLANE_UNIT)])
-    datum = np.zeros((len(unit), sum(name in DATUM for name in names)))
-    seen = np.bincount(observations.laser_id, minlength=lasers) > 0
-    free = np.concatenate([np.repeat(seen, u), np.ones(groups * _PLANE, dtype=bool)])
-    for column, name in enumerate(name for name in names if name in DATUM):
-        datum[list(names).index(name) : lasers * u : u, column] = seen / _DATUM_STD
-
-    def linearised(x: Array) -> _Linearised:
-        """Linearise in units of the prior, with the datum as further observations."""
-        there = _normal_equations(observations, planes, x * unit, initial, names, stochastic)
-        condition = datum.T @ x
-        return _Linearised(
-            there.matrix * np.outer(unit, unit) + datum @ datum.T,
-            there.right * unit + datum @ condition,
-            np.concatenate([there.w, condition]),
-            np.concatenate([there.weight, np.ones_like(condition)]),
-        )
-
-    x, basis, converged, iterations = np.zeros(len(unit)), None, False, 0
-    here = linearised(x)
-    while not converged and iterations < max_iterations:
-        iterations += 1
-        if basis is None:
-            values, vectors = np.linalg.eigh(here.matrix[np.ix_(free, free)])
-            basis = np.zeros((len(unit), len(values)))
-            basis[free] = vectors
-            basis = basis[:, values > 1.0 / truncate_at**2]
-        delta = -basis @ np.linalg.solve(basis.T @ here.matrix @ basis, basis.T @ here.right)
-        before = float(here.weight @ here.w**2)
-        for half in range(12):
-            trial = x + delta * 0.5**half
-            there = linearised(trial)
-            # Weights are those of the linearisation, or another sum would be compared.
-            after = float(here.weight @ there.w**2)
-            if after <= before * (1.0 + 1e-12) or np.max(np.abs(delta)) < tolerance:
-                break
-        x, here = trial, there
-        converged = bool(np.max(np.abs(delta)) < tolerance)
-    assert basis is not None
-    solution = x * unit
-    adjusted = planes.at(solution[lasers * u :].reshape(groups, _PLANE))
+    problem = JointProblem(observations, group, initial, names, stochastic, truncate_at)
+    n = len(problem.unit)
+    block = gauss_newton(
+        problem,
+        np.zeros((1, n)),
+        np.ones(n),
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+    )[0]
+    corrections, planes = problem.split(block.x)
+    normal, offset, _ = problem.planes.at(planes)
     return JointAdjustment(
-        corrections=solution[: lasers * u].reshape(lasers, u),
-        normal=adjusted[0],
-        offset=adjusted[1],
-        unknowns=len(unit),
-        rank=basis.shape[1],
-        iterations=iterations,
-        converged=converged,
+        corrections=corrections,
+        normal=normal,
+        offset=offset,
+        unknowns=n,
+        rank=problem.rank,
+        iterations=block.iterations,
+        converged=block.converged,
     )
 
 
 def _normal_equations(
     data: Observations,
     planes: _Planes,
-    unknowns: Array,
+    unknowns: tuple[Array, Array],
     initial: LaserParameters,
     names: Sequence[str],
     stochastic: Stochastic,
 ) -> _Linearised:
     """Normal equations with M the inverse variances of the misclosures."""
     lasers, u = len(initial), len(names)
-    x = unknowns[: lasers * u].reshape(lasers, u)
-    normal, offset, slope = planes.at(unknowns[lasers * u :].reshape(-1, _PLANE))
+    x, y = unknowns
+    normal, offset, slope = planes.at(y)
     group, laser = planes.group, data.laser_id.astype(np.int64)
-    here = Observations(
-        data.distance_m, data.phi, data.laser_id, normal[group], offset[group]
-    )  # fmt: skip
+    here = Observations(data.distance_m, data.phi, data.laser_id, normal[group], offset[group])
     parameters, scale = split(x, names, initial)
     s, design = here.design(parameters, scale)
     direction, origin = laser_beams(data.phi, data.laser_id, parameters)
-    raw = data.distance_m if scale is None else data.distance_m * (1 + scale[laser])
     towards = np.einsum("ni,ni->n", direction, here.normal)
-    # Where the beam meets the plane; ds/dn = that point / G, ds/d(offset) = 1 / G.
-    foot = origin + (raw + parameters.dl[laser] - s)[:, None] * direction
+    # The foot is where the beam meets the plane: ds/dn = foot / G, ds/d(offset) = 1 / G.
+    foot = (
+        origin
+        + (scaled(data.distance_m, laser, scale) + parameters.dl[laser] - s)[:, None] * direction
+    )
     across = np.einsum("nki,ni->nk", slope[group], foot)
     own = design[:, [ADJUSTABLE.index(name) for name in names]]
     rows = np.column_stack([own, across / towards[:, None], 1.0 / towards])
-    weight = 1.0 / stochastic.row_std(design[:, ADJUSTABLE.index("alpha")]) ** 2
-    # Every row has the unknowns of one laser and one plane: sums by pair of both, then spread.
+    weight = 1.0 / stochastic.sigma_misclosure(design[:, ADJUSTABLE.index("alpha")]) ** 2
+    # A row depends on one laser and one plane. Sum the rows of every such pair first, then add
+    # the sums to the elements of the matrix that belong to the pair.
     pair = laser * len(offset) + group
     pairs, pair = np.unique(pair, return_inverse=True)
     place = np.hstack(
@@ -226,7 +311,8 @@ def _normal_equations(
             lasers * u + (pairs % len(offset))[:, None] * _PLANE + np.arange(_PLANE),
         ]
     )
-    matrix, right = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
+    size = x.size + y.size
+    matrix, right = np.zeros((size, size)), np.zeros(size)
     for i in range(u + _PLANE):
         weighted = weight * rows[:, i]
         np.add.at(right, place[:, i], np.bincount(pair, weighted * s, minlength=len(pairs)))

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment import nuisance, quality
-from velocal.adjustment.core import Block, Evaluation, iterate
-from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
+from velocal.adjustment.core import Block, gauss_newton
+from velocal.adjustment.functional import ADJUSTABLE, design, misclosure, scaled, split
+from velocal.adjustment.linear import Step, System
 from velocal.adjustment.result import Adjustment
-from velocal.adjustment.solvers import Solver
+from velocal.adjustment.solvers import Solver, solve
 from velocal.adjustment.stochastic import Stochastic, block_numbers
 from velocal.scanner.beam import laser_beams
-from velocal.scanner.parameters import LaserParameters
+from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
 Array = NDArray[np.float64]
 
@@ -68,28 +69,23 @@ class Observations:
             self.station_number[rows],
         )
 
-    def of(self, laser: int) -> Observations:
+    def of_laser(self, laser: int) -> Observations:
         """Observations of one laser."""
         return self.take(self.laser_id == laser)
 
     def misclosure(self, parameters: LaserParameters, scale: Array | None = None) -> Array:
         """Distance s along the beam of every observation, metres, shape (n,)."""
         return misclosure(
-            self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
+            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset, scale
         )
 
     def design(
         self, parameters: LaserParameters, scale: Array | None = None
     ) -> tuple[Array, Array]:
         """Misclosures and design matrix; see `functional.design`."""
-        s, matrix = design(
-            self._scaled(scale), self.phi, self.laser_id, parameters, self.normal, self.offset
+        return design(
+            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset, scale
         )
-        matrix[:, ADJUSTABLE.index("scale")] = self.distance_m
-        return s, matrix
-
-    def _scaled(self, scale: Array | None) -> Array:
-        return self.distance_m if scale is None else self.distance_m * (1 + scale[self.laser_id])
 
 
 def joined(stations: Sequence[Observations]) -> Observations:
@@ -105,13 +101,138 @@ def joined(stations: Sequence[Observations]) -> Observations:
     )
 
 
-def split(
-    x: Array, names: Sequence[str], initial: LaserParameters
-) -> tuple[LaserParameters, Array | None]:
-    """Parameters and range scale out of corrections, shape (lasers, u)."""
-    change = dict(zip(names, x.T, strict=True))
-    scale = change.pop("scale", None)
-    return initial.corrected(change), scale
+class LaserProblem:
+    """The lasers of a scanner as independent blocks of one adjustment; see `core.Problem`.
+
+    The state of a block is its linearised `System`. The first linearisation decides on the space
+    of the corrections of every block. It is fixed from then on; otherwise a direction at the limit
+    could be left out and taken back in turn, and the iteration would not converge.
+
+    Parameters
+    ----------
+    observations : Observations
+        Of all lasers.
+    initial : LaserParameters
+        Where to start.
+    names : sequence of str
+        Parameters to adjust, out of `functional.ADJUSTABLE`.
+    solver : Solver
+        Method.
+    stochastic : Stochastic
+        A-priori knowledge.
+    """
+
+    def __init__(
+        self,
+        observations: Observations,
+        initial: LaserParameters,
+        names: Sequence[str],
+        solver: Solver,
+        stochastic: Stochastic,
+    ) -> None:
+        # The rows of a laser become a slice; within it, those of a station follow the angle.
+        order = np.lexsort((observations.phi, observations.station_number, observations.laser_id))
+        data = observations.take(order)
+        self.data = replace(data, normal=np.asfortranarray(data.normal))
+        self.names, self.solver, self.stochastic = tuple(names), solver, stochastic
+        self.prior_std = stochastic.prior_of(names)
+        sizes = np.bincount(data.laser_id, minlength=len(initial))
+        self.observed = [int(laser) for laser in np.flatnonzero(sizes)]
+        ends = np.cumsum(sizes)
+        self.rows = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
+        self._own = [self.data.take(rows) for rows in self.rows]
+        self._initial = [
+            LaserParameters(*(getattr(initial, name)[[laser]] for name in PARAMETERS))
+            for laser in range(len(initial))
+        ]
+        self._columns = [ADJUSTABLE.index(name) for name in names]
+        self._basis: dict[int, Array] = {}
+
+    def at(self, block: int, x: Array) -> System:
+        """Linearise the model of one laser at corrections `x`, shape (u,)."""
+        own = self._own[block]
+        parameters, scale = split(x[None], self.names, self._initial[block])
+        # The only laser of these parameters has number 0.
+        s, matrix = design(own.distance_m, own.phi, 0, parameters, own.normal, own.offset, scale)
+        sigma = self.stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])
+        return System(matrix.T[self._columns].T, s, sigma, self.prior_std, x)
+
+    def corrections(self, blocks: Sequence[int], states: Sequence[System]) -> list[Array]:
+        """Solve the linearised systems of some lasers."""
+        steps = self._steps(blocks, [self.solver.reduced(state) for state in states])
+        self._basis |= {block: step.basis for block, step in zip(blocks, steps, strict=True)}
+        return [step.delta for step in steps]
+
+    def objective(self, here: System, there: System) -> float:
+        """What the solver minimises, at `there` with the weights of `here`."""
+        if not np.isfinite(there.matrix).all():
+            return np.inf
+        with np.errstate(over="ignore"):
+            return self.solver.objective(replace(there, sigma_misclosure=here.sigma_misclosure))
+
+    def solutions(self, blocks: Mapping[int, Block[System]]) -> dict[int, Step]:
+        """Solve the systems at the final parameters, for all their rows."""
+        systems = [self.solver.reduced(block.state, keep=True) for block in blocks.values()]
+        steps = self._steps(list(blocks), systems)
+        return {
+            block: step.unreduced(system)
+            for block, step, system in zip(blocks, steps, systems, strict=True)
+        }
+
+    def derivatives(self, blocks: Mapping[int, Block[System]]) -> nuisance.Derivatives:
+        """Derivatives of all misclosures by what is not adjusted, at the final parameters."""
+        n = len(self.data.phi)
+        point, towards = np.empty((3, n)).T, np.empty(n)
+        for laser, block in blocks.items():
+            own, rows = self._own[laser], self.rows[laser]
+            parameters, scale = split(block.x[None], self.names, self._initial[laser])
+            zero = np.zeros(len(own.phi), dtype=np.int64)
+            direction, origin = laser_beams(own.phi, zero, parameters)
+            length = scaled(own.distance_m, 0, scale) + parameters.dl[0] - block.state.w
+            point[rows] = origin + length[:, None] * direction
+            towards[rows] = np.einsum("ni,ni->n", direction, own.normal)
+        return nuisance.derivatives(
+            self.stochastic,
+            point=point,
+            normal=self.data.normal,
+            towards=towards,
+            distance_m=self.data.distance_m,
+            phi=self.data.phi,
+            laser_id=self.data.laser_id,
+            station=self.data.station_number,
+            plane=self.data.plane_number,
+        )
+
+    def block_covariance(
+        self, blocks: Mapping[int, Block[System]], steps: Mapping[int, Step]
+    ) -> tuple[Array, Array] | None:
+        """`quality.block_covariance` of all lasers; None where rows are independent, or none are.
+
+        Returns
+        -------
+        covariance : ndarray, shape (lasers, u, u)
+        dof : ndarray, shape (lasers, u)
+        """
+        width = self.stochastic.block_rad
+        if width is None or not blocks:
+            return None
+        data, states = self.data, [block.state for block in blocks.values()]
+        weights = [step.row_weight for step in steps.values() if step.row_weight is not None]
+        laser, station, plane = data.laser_id.astype(int), data.station_number, data.plane_number
+        group = (laser * (int(station.max()) + 1) + station) * (int(plane.max()) + 1) + plane
+        return quality.block_covariance(
+            np.concatenate([step.influence for step in steps.values()], axis=1),
+            np.concatenate([state.w for state in states]),
+            block_numbers(data.phi, group, width),
+            np.concatenate([state.matrix for state in states]),
+            np.concatenate([state.sigma_misclosure for state in states]),
+            laser,
+            np.array([steps[i].rank if i in steps else 0 for i in range(len(self.rows))]),
+            np.concatenate(weights) if len(weights) == len(steps) else None,
+        )
+
+    def _steps(self, blocks: Sequence[int], systems: Sequence[System]) -> list[Step]:
+        return solve(self.solver, systems, [self._basis.get(block) for block in blocks])
 
 
 def adjust_all(
@@ -147,93 +268,38 @@ def adjust_all(
     Returns
     -------
     list of Adjustment
-        By laser; with rank 0 and all parameters held where a laser has no observations.
+        By laser. A laser without observations has rank 0, and all its parameters are weakly
+        determined.
+
+    Raises
+    ------
+    VelocalError
+        If a parameter has no prior standard deviation.
     """
-    # Rows of a laser together, so that everything below is a slice; those of a station in the
-    # order of the angle.
-    order = np.lexsort((observations.phi, observations.station_number, observations.laser_id))
-    data = observations.take(order)
-    data = replace(data, normal=np.asfortranarray(data.normal))
-    columns = [ADJUSTABLE.index(name) for name in names]
-    by_alpha = ADJUSTABLE.index("alpha")
-    prior_std = np.array([stochastic.prior_std[name] for name in names])
-
-    sizes = np.bincount(data.laser_id, minlength=len(initial))
-    ends = np.cumsum(sizes)
-    # One number for all rows: parameters of the laser are then numbers as well.
-    of_laser = [
-        replace(data.take(slice(end - size, end)), laser_id=np.asarray(laser))
-        for laser, (end, size) in enumerate(zip(ends, sizes, strict=True))
-    ]
-    n = len(order)
-    spare = [Evaluation(np.empty(n), np.empty((len(names), n)).T, np.empty(n)) for _ in range(2)]
-    kept: list[tuple[Array, Evaluation]] = []
-
-    def model(x: Array) -> Evaluation:
-        """Evaluate anew only the lasers whose parameters have changed since the last time."""
-        changed = np.any(x != kept[0][0], axis=1) if kept else np.ones(len(x), dtype=bool)
-        # Into the evaluation before the last: the last is in use. Fresh memory costs more time
-        # than what is computed into it.
-        adjusted, found = split(x, names, initial), spare.pop()
-        if not changed.all():
-            last = kept[0][1]
-            found.w[:], found.matrix[:], found.row_std[:] = last.w, last.matrix, last.row_std
-        # Arrays of one laser stay in the cache of the processor, those of all do not.
-        for laser in np.flatnonzero(changed & (sizes > 0)):
-            rows = slice(ends[laser] - sizes[laser], ends[laser])
-            found.w[rows], design = of_laser[laser].design(*adjusted)
-            found.matrix.T[:, rows] = design.T[columns]
-            found.row_std[rows] = stochastic.row_std(design[:, by_alpha])
-        spare.extend(evaluation for _, evaluation in kept)
-        kept[:] = [(x.copy(), found)]
-        return found
-
-    x, final, blocks = iterate(
-        model,
+    problem = LaserProblem(observations, initial, names, solver, stochastic)
+    blocks = gauss_newton(
+        problem,
         np.zeros((len(initial), len(names))),
-        sizes.tolist(),
-        solver,
-        prior_std,
+        problem.prior_std,
+        blocks=problem.observed,
         max_iterations=max_iterations,
         tolerance=tolerance,
     )
-    parameters, scale = split(x, names, initial)
-    point, towards = np.empty((3, n)).T, np.empty(n)
-    for own, block in zip(of_laser, blocks, strict=True):
-        direction, origin = laser_beams(own.phi, data.laser_id[block.rows], parameters)
-        length = own._scaled(scale) + parameters.dl[own.laser_id] - final.w[block.rows]
-        point[block.rows] = origin + length[:, None] * direction
-        towards[block.rows] = np.einsum("ni,ni->n", direction, own.normal)
-    by = nuisance.derivatives(
-        stochastic,
-        point=point,
-        normal=data.normal,
-        towards=towards,
-        distance_m=data.distance_m,
-        phi=data.phi,
-        laser_id=data.laser_id,
-        station=data.station_number,
-        plane=data.plane_number,
-    )
-    noise = _block_covariance(data, blocks, final, stochastic)
-    results = []
-    for laser, block in enumerate(blocks):
-        rows = block.rows
-        if block.step is None:
-            results.append(_unobserved(names, prior_std))
-            continue
-        results.append(
-            _quality(
-                names,
-                x[laser],
-                block,
-                Evaluation(final.w[rows], final.matrix[rows], final.row_std[rows]),
-                stochastic,
-                by.of(rows),
-                None if noise is None else (noise[0][laser], noise[1][laser]),
-            )
+    steps = problem.solutions(blocks)
+    by, noise = problem.derivatives(blocks), problem.block_covariance(blocks, steps)
+    return [
+        _quality(
+            problem.names,
+            blocks[laser],
+            steps[laser],
+            stochastic,
+            by.take(rows),
+            None if noise is None else (noise[0][laser], noise[1][laser]),
         )
-    return results
+        if laser in blocks
+        else _unobserved(problem.names, problem.prior_std)
+        for laser, rows in enumerate(problem.rows)
+    ]
 
 
 def adjust_laser(
@@ -245,73 +311,51 @@ def adjust_laser(
     stochastic: Stochastic,
 ) -> Adjustment:
     """Adjust one laser; see `adjust_all`."""
-    return adjust_all(observations.of(laser), initial, names, solver, stochastic)[laser]
-
-
-def _block_covariance(
-    data: Observations, blocks: Sequence[Block], final: Evaluation, stochastic: Stochastic
-) -> tuple[Array, Array] | None:
-    """`quality.block_covariance` of all lasers; None where rows are independent, or none are."""
-    steps = [block.step for block in blocks if block.step is not None]
-    if stochastic.block_rad is None or not steps:
-        return None
-    weights = [step.row_weight for step in steps if step.row_weight is not None]
-    laser, station, plane = data.laser_id.astype(int), data.station_number, data.plane_number
-    group = (laser * (int(station.max()) + 1) + station) * (int(plane.max()) + 1) + plane
-    return quality.block_covariance(
-        np.concatenate([step.gain for step in steps], axis=1),
-        final.w,
-        block_numbers(data.phi, group, stochastic.block_rad),
-        final.matrix,
-        final.row_std,
-        laser,
-        np.array([0 if block.step is None else block.step.rank for block in blocks]),
-        np.concatenate(weights) if weights else None,
-    )
+    return adjust_all(observations.of_laser(laser), initial, names, solver, stochastic)[laser]
 
 
 def _quality(
-    names: Sequence[str],
-    corrections: Array,
-    block: Block,
-    final: Evaluation,
+    names: tuple[str, ...],
+    block: Block[System],
+    step: Step,
     stochastic: Stochastic,
     by: nuisance.Derivatives,
     correlated: tuple[Array, Array] | None,
 ) -> Adjustment:
-    """Result of one laser with all its quality; noise and freedom of `correlated` if there are."""
-    step = block.step
-    assert step is not None
-    residuals, weight = final.w, step.row_weight
+    """Result of one laser with its quality.
+
+    `correlated` are covariance and degrees of freedom of correlated noise; None where the noise
+    is independent.
+    """
+    residuals, sigma, weight = block.state.w, block.state.sigma_misclosure, step.row_weight
     if weight is None:
         weight = np.ones(len(residuals))
     redundancy = int(np.count_nonzero(weight)) - step.rank
-    squares = float(np.sum(weight * (residuals / final.row_std) ** 2))
+    squares = float(np.sum(weight * (residuals / sigma) ** 2))
     factor = squares / redundancy if redundancy > 0 else float("nan")
     if correlated is None or redundancy <= 0:
         known = factor if redundancy > 0 else 1.0
-        noise = quality.independent_covariance(step, final.row_std, known)
-        freedom = np.full(len(names), float(max(redundancy, 1)))
+        noise = quality.independent_covariance(step, sigma, known)
+        dof = np.full(len(names), float(max(redundancy, 1)))
     else:
-        noise, freedom = correlated
+        noise, dof = correlated
     parts = {"noise": noise, "prior": step.prior_part}
     parts |= dict(
-        nuisance.contributions(step.gain, stochastic, by, scale_adjusted="scale" in names)
+        nuisance.contributions(step.influence, stochastic, by, scale_adjusted="scale" in names)
     )
-    held = quality.held(names, step)
-    combinations = quality.open_combinations(names, step)
+    combinations = quality.non_estimable(names, step)
     message = block.message
     if combinations:
         message += f"; rank {step.rank} of {len(names)}, left to the prior: "
         message += "; ".join(combinations)
     return Adjustment(
-        names=tuple(names),
-        corrections=corrections,
+        names=names,
+        corrections=block.x,
         parts=parts,
-        freedom=freedom,
+        dof=dof,
         rank=step.rank,
-        held=held,
-        open_combinations=combinations,
+        weakly_determined=quality.weakly_determined(names, step),
+        non_estimable=combinations,
         condition=quality.condition(step),
         singular_values=step.singular_values[step.singular_values > 0.0],
         residuals=residuals,
@@ -326,18 +370,18 @@ def _quality(
     )
 
 
-def _unobserved(names: Sequence[str], prior_std: Array) -> Adjustment:
+def _unobserved(names: tuple[str, ...], prior_std: Array) -> Adjustment:
     """Result of a laser without observations."""
     u, nan = len(names), float("nan")
     zero = np.zeros((u, u))
     return Adjustment(
-        names=tuple(names),
+        names=names,
         corrections=np.zeros(u),
         parts={"noise": zero, "prior": np.diag(prior_std**2)},
-        freedom=np.ones(u),
+        dof=np.ones(u),
         rank=0,
-        held=tuple(names),
-        open_combinations=tuple(names),
+        weakly_determined=names,
+        non_estimable=names,
         condition=float("inf"),
         singular_values=np.zeros(u),
         residuals=np.zeros(0),

@@ -1,7 +1,7 @@
 """Linearised systems, one or a stack of them, and their solution by singular values.
 
-Rows whose weights are known beforehand can be rotated into a few of the same solution; such
-systems are all of one shape, and many are solved at once.
+Where the weights are known beforehand, an orthogonal rotation reduces a system to u + 1 rows with
+the same solution. All reduced systems have one shape, so that many are solved at once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class System:
-    """A functional model linearised at the current parameters; stacked along leading axes, several.
+    """A functional model linearised at the current parameters, or a stack of several of them.
 
     Attributes
     ----------
@@ -24,21 +24,21 @@ class System:
         Design matrix A.
     w : ndarray, shape (n,)
         Misclosures.
-    row_std : ndarray, shape (n,)
+    sigma_misclosure : ndarray, shape (n,)
         A-priori standard deviation of every misclosure.
     prior_std : ndarray, shape (u,)
         A-priori standard deviation of the corrections; infinite for none.
     shift : ndarray, shape (u,)
         Current minus initial parameters.
     size : int, or None
-        Rows before their reduction; None where they are not reduced.
+        Number of rows before the reduction; None where the system is not reduced.
     rotation, row_weight : ndarray, shape (n, u + 1), (n,), or None
-        What reduced them, if it is kept: reduced rows are ``rotation.T @ (row_weight * rows)``.
+        The reduction, where it is kept: reduced rows are ``rotation.T @ (row_weight * rows)``.
     """
 
     matrix: Array
     w: Array
-    row_std: Array
+    sigma_misclosure: Array
     prior_std: Array
     shift: Array
     size: int | NDArray[np.integer] | None = None
@@ -54,13 +54,15 @@ class Step:
     ----------
     delta : ndarray, shape (u,)
         Corrections of the current parameters.
-    gain : ndarray, shape (u, n)
-        How the parameters answer to the misclosures: errors e of w move them by ``-gain @ e``.
+    influence : ndarray, shape (u, n)
+        Change of the parameters by the misclosures: errors e of w move them by
+        ``-influence @ e``.
     cofactor : ndarray, shape (u, u)
-        Covariance of the parameters for misclosures of covariance diag(row_std^2), or of unit
-        variance for solvers that weight all rows alike.
+        Covariance of the parameters for misclosures of covariance diag(sigma_misclosure^2), or of
+        unit variance for solvers that give all rows the same weight.
     prior_part : ndarray, shape (u, u)
-        Covariance that the prior, and what is held, leave; zero without.
+        Covariance of the parameters from prior errors of what the data do not determine; zero
+        where they determine everything.
     estimable : ndarray, shape (u, u)
         Projector on the estimable space, in units of the column scale.
     basis : ndarray, shape (u, k)
@@ -70,11 +72,11 @@ class Step:
     left : ndarray, shape (n, k)
         Root of the hat matrix, in units of the weighted rows.
     row_weight : ndarray, shape (n,), or None
-        What a robust solver weighted the rows with besides; None for all alike.
+        Additional weights of a robust solver; None where all rows have the same.
     """
 
     delta: Array
-    gain: Array
+    influence: Array
     cofactor: Array
     prior_part: Array
     estimable: Array
@@ -97,21 +99,28 @@ class Step:
         """Return the solution for all rows of a reduced system that has kept its rotation."""
         if system.rotation is None or system.row_weight is None:
             return self
-        gain = (self.gain @ system.rotation.T) * system.row_weight
-        return replace(self, gain=gain, left=system.rotation @ self.left)
+        influence = (self.influence @ system.rotation.T) * system.row_weight
+        return replace(self, influence=influence, left=system.rotation @ self.left)
 
 
-def rotated(system: System, row_weight: Array, row_std: float, *, keep: bool) -> System:
-    """Rows weighted, then rotated into a triangle; each of the new ones has the weight of all.
+def rotated(system: System, row_weight: Array, sigma_misclosure: float, *, keep: bool) -> System:
+    """Weight the rows of a system and rotate them into a triangle of u + 1 rows.
 
     Parameters
     ----------
     system : System
+        With n rows.
     row_weight : ndarray, shape (n,)
-    row_std : float
-        Of the new rows.
+        Factor of every row.
+    sigma_misclosure : float
+        Standard deviation of the new rows, the same for all.
     keep : bool
-        Whether to keep the rotation, which costs as much as the triangle.
+        Whether to keep the rotation, which takes as much time as the triangle.
+
+    Returns
+    -------
+    System
+        Of the same solution and the same sum of squares.
     """
     n, u = system.matrix.shape
     rows = np.empty((u + 1, n))
@@ -122,13 +131,13 @@ def rotated(system: System, row_weight: Array, row_std: float, *, keep: bool) ->
         rotation = np.zeros((n, u + 1))
         rotation[:, : min(n, u + 1)], triangle[:n] = np.linalg.qr(rows.T)
     else:
-        # The upper triangle of the raw form, which NumPy would cut out of all rows.
+        # The upper triangle of the raw form. (The other modes of NumPy copy all rows.)
         raw = np.linalg.qr(rows.T, mode="raw")[0].T[: u + 1]
         triangle[:n] = np.where(np.arange(len(raw))[:, None] <= np.arange(u + 1), raw, 0.0)
     return System(
         triangle[:, :u],
         triangle[:, u],
-        np.full(u + 1, row_std),
+        np.full(u + 1, sigma_misclosure),
         system.prior_std,
         system.shift,
         n,
@@ -148,23 +157,38 @@ def decomposed(
     scale: Array,
     floor: Array | float,
     basis: Array | None,
-    damping: float,
 ) -> Step:
-    """Least-squares solution by singular values, in the space of `basis` where that is given.
+    """Least-squares solution by singular values, restricted to a space of corrections.
 
-    Without a basis the directions are found whose singular values exceed `floor` (and machine
-    precision); these are the basis.
+    Parameters
+    ----------
+    system : System
+        One linearised system, or a stack of them.
+    row_weight : ndarray, shape (n,)
+        Factor of every row: the inverse of a standard deviation, or one.
+    scale : ndarray, shape (u,)
+        Units of the corrections in which the rank is decided.
+    floor : ndarray or float
+        Singular values below this are left out, as are those below machine precision.
+    basis : ndarray, shape (u, k), or None
+        Space of the corrections that an earlier linearisation decided on. None: the directions
+        whose singular values are large enough are found, and form the basis.
+
+    Returns
+    -------
+    Step
+        Without `row_weight`, which only robust solvers set.
     """
     weighted = system.matrix * row_weight[..., None]
     n, u = weighted.shape[-2:]
     size = np.asarray(n if system.size is None else system.size)[..., None]
-    # A decomposition of the triangle is one of the whole: many rows are touched but once.
+    # The triangle has the singular values of the whole: the many rows are used only once.
     rotation, weighted = np.linalg.qr(weighted) if n > 3 * u else (None, weighted)
     if basis is None:
         _, singular, right = np.linalg.svd(weighted * scale[..., None, :], full_matrices=False)
         eps = _largest(singular) * np.maximum(size, u) * np.finfo(float).eps
         found = singular > np.maximum(eps, np.asarray(floor)[..., None])
-        # Fewer rows than parameters stay so when zeros fill them up.
+        # Rows of zeros that fill up a reduced system do not add to the rank.
         found &= np.arange(singular.shape[-1]) < size
         basis = scale[..., None] * across(right * found[..., None])
     rank = np.count_nonzero(np.any(basis != 0.0, axis=-2), axis=-1)[..., None]
@@ -177,27 +201,22 @@ def decomposed(
         left = rotation @ left
     inverse = np.where(kept, 1.0 / np.where(kept, singular, 1.0), 0.0)
     root = basis @ (across(right) * inverse[..., None, :])
-    gain = (root @ across(left)) * row_weight[..., None, :]
-    if damping > 0.0:
-        least = damping * _largest(singular)
-        filtered = singular**2 / np.where(kept, singular**2 + least**2, 1.0)
-        answer = (root * filtered[..., None, :]) @ across(left) * row_weight[..., None, :]
-    else:
-        answer = gain
+    influence = (root @ across(left)) * row_weight[..., None, :]
     estimable = np.broadcast_to(np.eye(u), (*weighted.shape[:-2], u, u))
     prior_part = np.zeros(estimable.shape)
     if np.any(rank < u):
-        # What is not determined keeps its prior error, and what is shares it: (I - G A) of it.
+        # Prior errors of what the data do not determine remain, and enter what is determined
+        # through the influence G: (I - G A) of them.
         known = np.where(np.isfinite(system.prior_std), system.prior_std, 0.0)
-        left_over = (estimable - gain @ system.matrix) * known
+        left_over = (estimable - influence @ system.matrix) * known
         short = rank[..., None] < u
         prior_part = np.where(short, left_over @ across(left_over), prior_part)
         orthonormal = np.linalg.qr(basis / scale[..., None])[0]
         orthonormal = orthonormal * (np.arange(basis.shape[-1]) < rank)[..., None, :]
         estimable = np.where(short, orthonormal @ across(orthonormal), estimable)
     return Step(
-        delta=-(answer @ system.w[..., None])[..., 0],
-        gain=gain,
+        delta=-(influence @ system.w[..., None])[..., 0],
+        influence=influence,
         cofactor=root @ across(root),
         prior_part=prior_part,
         estimable=estimable,

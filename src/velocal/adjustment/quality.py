@@ -1,4 +1,4 @@
-"""Quality of an adjustment: noise of the parameters, rank and what it leaves open, tests."""
+"""Quality of an adjustment: noise of the parameters, rank, what is not estimable, tests."""
 
 from __future__ import annotations
 
@@ -12,49 +12,52 @@ from velocal.adjustment.linear import Step
 
 Array = NDArray[np.float64]
 
-#: A parameter is held where less than this share of it is determined by the data.
+#: A parameter is weakly determined where the data determine less than this share of it.
 DETERMINED = 0.5
 #: Blocks show a variance if their residuals keep more than this share of it.
 LEAST_SHOWN = 0.1
-#: What block sums miss, because neighbouring blocks are correlated at their common edge. Errors
-#: of correlation exp(-d^2 / 4 k^2) in blocks of width 10 k: 1 / (1 - 1 / (5 sqrt(pi))).
+#: Factor for what sums over blocks miss: errors on both sides of the edge between two blocks are
+#: correlated. For a correlation of exp(-d^2 / 4 k^2) and blocks of width 10 k it is
+#: 1 / (1 - 1 / (5 sqrt(pi))).
 NEIGHBOURS = 1.0 / (1.0 - 0.2 / np.sqrt(np.pi))
 
 
-def independent_covariance(step: Step, row_std: Array, variance_factor: float) -> Array:
+def independent_covariance(step: Step, sigma_misclosure: Array, variance_factor: float) -> Array:
     """Covariance of the parameters for independent misclosures, shape (u, u)."""
-    scaled = step.gain * row_std
+    scaled = step.influence * sigma_misclosure
     return np.asarray(variance_factor * scaled @ scaled.T)
 
 
 def block_covariance(
-    gain: Array,
+    influence: Array,
     residuals: Array,
     block: NDArray[np.int64],
     matrix: Array,
-    row_std: Array,
+    sigma_misclosure: Array,
     laser_id: NDArray[np.integer],
     rank: NDArray[np.integer],
     weight: Array | None = None,
 ) -> tuple[Array, Array]:
     """Covariance for misclosures that are correlated within blocks, for every laser.
 
-    The sum over blocks of the outer product of what the residuals of a block do to the
-    parameters. Residuals are smaller than errors, the more so in blocks that a parameter hangs
-    on; so each parameter is scaled by what its variance loses in this way when the misclosures
-    are independent, and the same assumption gives its degrees of freedom (after Bell and
-    McCaffrey). What neighbouring blocks share is made good by `NEIGHBOURS`.
+    A cluster-robust ("sandwich") estimate: the sum over blocks of the outer product of the
+    block's score, which is the change of the parameters by the residuals of the block. Residuals
+    underestimate errors, most of all in blocks of high leverage. Therefore each parameter is
+    scaled by the share of its variance that is lost in this way when the misclosures are
+    independent (bias-reduced, CR2); the same assumption gives its degrees of freedom (Bell and
+    McCaffrey). `NEIGHBOURS` accounts for the correlation between neighbouring blocks.
 
     Parameters
     ----------
-    gain : ndarray, shape (u, n)
-        Answer of the parameters of its laser to every misclosure (`Step.gain`).
+    influence : ndarray, shape (u, n)
+        Change of the parameters of its laser by every misclosure (`Step.influence`).
     residuals : ndarray, shape (n,)
+        Misclosures after the adjustment.
     block : ndarray of int, shape (n,)
         Block of every row, numbered 0, 1, ... laser after laser.
     matrix : ndarray, shape (n, u)
         Design matrix.
-    row_std : ndarray, shape (n,)
+    sigma_misclosure : ndarray, shape (n,)
         A-priori standard deviations of the misclosures.
     laser_id : ndarray of int, shape (n,)
         Laser of every row.
@@ -66,26 +69,27 @@ def block_covariance(
     Returns
     -------
     covariance : ndarray, shape (lasers, u, u)
-    freedom : ndarray, shape (lasers, u)
+    dof : ndarray, shape (lasers, u)
         Degrees of freedom of the variance of each parameter, at least 1.
 
     Notes
     -----
-    With G_g, A_g the gain and design of block g, e the misclosures, and all parameters
-    determined or held by what the adjustment says, the residuals are ``e - A G e``; so the score
-    of g is ``G_g e_g - K_g G e`` with K_g = G_g A_g, and E[score_g score_h'] = delta_gh S_g
-    - K_g S_h - S_g K_h' + K_g S K_h' with S_g = G_g D_g G_g', S their sum. Blocks that are too
-    few to show a variance leave it to the variance factor, as if the rows of a block were one.
+    G_g and A_g are influence and design of block g, D_g the a-priori variances of its rows, e the
+    errors. With all parameters either determined or fixed, the residuals are ``e - A G e``, the
+    score of g is ``G_g e_g - K_g G e`` with K_g = G_g A_g, and E[score_g score_h'] = delta_gh S_g
+    - K_g S_h - S_g K_h' + K_g S K_h' with S_g = G_g D_g G_g', and S the sum of all S_g. Where the
+    blocks are too few to show a variance, the variance factor is used, as if the rows of a block
+    were one.
     """
-    u, lasers = len(gain), len(rank)
+    u, lasers = len(influence), len(rank)
     blocks = int(block.max()) + 1
-    scaled = gain * row_std
+    scaled = influence * sigma_misclosure
 
     def sums(values: Array) -> Array:
         return np.bincount(block, values, blocks).astype(np.float64, copy=False)
 
-    score = np.array([sums(row * residuals) for row in gain])
-    k = np.array([[sums(row * column) for column in matrix.T] for row in gain])
+    score = np.array([sums(row * residuals) for row in influence])
+    k = np.array([[sums(row * column) for column in matrix.T] for row in influence])
     s = np.empty((u, u, blocks))
     for i in range(u):
         for j in range(i + 1):
@@ -95,27 +99,38 @@ def block_covariance(
     ends = np.cumsum(np.bincount(owner, minlength=lasers))
     rows = np.bincount(block)
     weight = np.ones(len(residuals)) if weight is None else weight
-    squares = np.bincount(laser_id, weight * (residuals / row_std) ** 2, lasers)
+    squares = np.bincount(laser_id, weight * (residuals / sigma_misclosure) ** 2, lasers)
     redundancy = np.bincount(laser_id, weight > 0.0, lasers) - rank
-    covariance, freedom = np.zeros((lasers, u, u)), np.ones((lasers, u))
+    covariance, dof = np.zeros((lasers, u, u)), np.ones((lasers, u))
     for laser in np.unique(owner):
         own = slice(ends[laser - 1] if laser else 0, ends[laser])
         factor = squares[laser] / max(redundancy[laser], 1)
-        covariance[laser], freedom[laser] = _of_blocks(
+        covariance[laser], dof[laser] = _of_blocks(
             score[:, own], k[..., own], s[..., own], factor * rows[own].max()
         )
-    return covariance, freedom
+    return covariance, dof
 
 
 def _of_blocks(score: Array, k: Array, s: Array, instead: float) -> tuple[Array, Array]:
-    """Covariance and freedom of one laser from score, K and S of its blocks, the last axis.
+    """Covariance and degrees of freedom of one laser.
 
-    `instead` is the share of its formal variance that a parameter gets whose blocks show none.
+    Parameters
+    ----------
+    score : ndarray, shape (u, blocks)
+    k, s : ndarray, shape (u, u, blocks)
+        K_g and S_g; see `block_covariance`.
+    instead : float
+        Share of the formal variance that a parameter gets whose blocks show no variance.
+
+    Returns
+    -------
+    covariance : ndarray, shape (u, u)
+    dof : ndarray, shape (u,)
     """
     u = len(score)
     whole = s.sum(axis=2)
-    # What the errors of block h do to the score of block g in parameter j is, but for S_g, the
-    # element (g, h) of F' M F: of low rank, so that no matrix of all pairs of blocks is needed.
+    # E[score_g score_h'] of parameter j is, except for S_g, the element (g, h) of F' M F. That has
+    # a low rank, so that no matrix of all pairs of blocks is needed.
     f = np.concatenate([k, s], axis=1)
     middle = np.zeros((2 * u, 2 * u))
     middle[:u, :u], middle[:u, u:], middle[u:, :u] = whole, -np.eye(u), -np.eye(u)
@@ -130,18 +145,18 @@ def _of_blocks(score: Array, k: Array, s: Array, instead: float) -> tuple[Array,
     scale = np.sqrt(np.where(shown, variance / safe, 0.0))
     covariance = scale[:, None] * (score @ score.T) * scale
     covariance += np.diag(np.where(shown, 0.0, instead * variance))
-    freedom = np.where(shown, safe**2 / np.maximum(spread, 1e-300), 1.0)
-    return NEIGHBOURS * covariance, np.maximum(freedom, 1.0)
+    dof = np.where(shown, safe**2 / np.maximum(spread, 1e-300), 1.0)
+    return NEIGHBOURS * covariance, np.maximum(dof, 1.0)
 
 
-def held(names: Sequence[str], step: Step) -> tuple[str, ...]:
-    """Parameters that the data do not determine."""
+def weakly_determined(names: Sequence[str], step: Step) -> tuple[str, ...]:
+    """Parameters of which the data determine less than the share `DETERMINED`."""
     shares = np.diag(step.estimable)
     return tuple(name for name, share in zip(names, shares, strict=True) if share < DETERMINED)
 
 
-def open_combinations(names: Sequence[str], step: Step) -> tuple[str, ...]:
-    """Combinations of parameters, in units of their prior, that the data leave open.
+def non_estimable(names: Sequence[str], step: Step) -> tuple[str, ...]:
+    """Combinations of parameters, in units of their prior, that the data do not determine.
 
     Each is written with its largest coefficient as 1; coefficients below 0.05 are left out.
     """

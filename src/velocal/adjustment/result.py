@@ -1,22 +1,76 @@
-"""Typed result of the adjustment of one laser."""
+"""Typed results: the adjustment of one laser, and the calibration of all lasers of a scanner."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from velocal.adjustment.functional import ADJUSTABLE, ADJUSTABLE_UNITS, split
+from velocal.errors import VelocalError
+from velocal.scanner.parameters import LaserParameters
+
 Array = NDArray[np.float64]
 #: Degrees of freedom at which Student's distribution is the normal one.
 _NORMAL = 1e9
+#: Columns of a table of covariances that name a pair of parameters; sources are the others.
+_PAIR = ("laser_id", "first", "second", "covariance", "correlation")
+#: Units of a summary for people, and their size in the units of the parameters.
+_FOR_PEOPLE = {"m": ("cm", 1e-2), "rad": ("deg", np.pi / 180.0), "1": ("1e-3", 1e-3)}
+
+
+@dataclass(frozen=True)
+class LaserQuality:
+    """How well the adjustment of one laser went.
+
+    Attributes
+    ----------
+    count : int
+        Number of observations.
+    rank : int
+        Number of combinations of parameters that the data determine.
+    redundancy : int
+        Observations minus rank; without the rows that a robust solver has rejected.
+    residual_std_m : float
+        Standard deviation of the residuals, metres.
+    variance_factor, variance_factor_p : float
+        Variance factor, and the two-sided p-value of the test that it is 1.
+    condition : float
+        Of the scaled design matrix.
+    least_redundancy_number : float
+        Smallest redundancy number of an observation.
+    weakly_determined : tuple of str
+        Parameters of which the data determine less than half.
+    iterations : int
+        Linearisations used.
+    converged : bool
+        Whether the iteration converged.
+    message : str
+        What happened, in words.
+    """
+
+    count: int
+    rank: int
+    redundancy: int
+    residual_std_m: float
+    variance_factor: float
+    variance_factor_p: float
+    condition: float
+    least_redundancy_number: float
+    weakly_determined: tuple[str, ...]
+    iterations: int
+    converged: bool
+    message: str
 
 
 @dataclass(frozen=True)
 class Adjustment:
-    """Corrections of one laser with what tells how sure they are.
+    """Corrections of one laser with their uncertainty and quality.
 
     Attributes
     ----------
@@ -25,19 +79,18 @@ class Adjustment:
     corrections : ndarray, shape (u,)
         To be added to the initial parameters; metres and radians.
     parts : mapping of str to ndarray, shape (u, u)
-        Covariance of the corrections by source: ``noise`` of the observations, ``prior`` (what
-        the data leave to it), ``pose``, ``planes``, ``flatness``, ``range_scale``,
+        Covariance of the corrections by source: ``noise`` of the observations, ``prior`` (of what
+        the data do not determine), ``pose``, ``planes``, ``flatness``, ``range_scale``,
         ``repeatability``.
-    freedom : ndarray, shape (u,)
+    dof : ndarray, shape (u,)
         Degrees of freedom of the variance of each parameter in the noise part.
     rank : int
         Number of combinations of parameters that the data determine.
-    held : tuple of str
-        Parameters that the data determine by less than half. Where the solver truncates they
-        stay at the initial value and the prior's standard deviation, but for what they share
-        with others in a combination that is determined; `WithPrior` moves them as far as the
-        data say.
-    open_combinations : tuple of str
+    weakly_determined : tuple of str
+        Parameters of which the data determine less than half. Solvers that truncate leave them at
+        the initial value with the standard deviation of the prior, except for their share in a
+        combination that is determined; `WithPrior` moves them as far as the data allow.
+    non_estimable : tuple of str
         What is not determined, as combinations in units of the prior.
     condition : float
         Of the scaled design matrix.
@@ -46,13 +99,13 @@ class Adjustment:
     residuals : ndarray, shape (n,)
         Misclosures after the adjustment, metres.
     redundancy_numbers : ndarray, shape (n,)
-        Share of each misclosure that shows in its residual; they sum to n less the trace of the
-        hat matrix, which is the redundancy but for a solver with a prior.
+        Share of each misclosure that shows in its residual. Their sum is n minus the trace of the
+        hat matrix, which is the redundancy, except for a solver with a prior.
     variance : float
         Sum of squared residuals, with the weights of a robust solver, over the redundancy, square
         metres; NaN without redundancy.
     variance_factor : float
-        The same with residuals in units of their prior standard deviation.
+        The same with residuals in units of their a-priori standard deviation.
     variance_factor_p : float
         Two-sided p-value of the test of H0: variance factor is 1.
     redundancy : int
@@ -60,6 +113,7 @@ class Adjustment:
     iterations : int
         Linearisations used.
     converged : bool
+        Whether the iteration converged.
     message : str
         What happened, in words.
     """
@@ -67,10 +121,10 @@ class Adjustment:
     names: tuple[str, ...]
     corrections: Array
     parts: Mapping[str, Array]
-    freedom: Array
+    dof: Array
     rank: int
-    held: tuple[str, ...]
-    open_combinations: tuple[str, ...]
+    weakly_determined: tuple[str, ...]
+    non_estimable: tuple[str, ...]
     condition: float
     singular_values: Array
     residuals: Array
@@ -91,29 +145,320 @@ class Adjustment:
     @property
     def correlation(self) -> Array:
         """Correlation matrix of the corrections, shape (u, u)."""
-        std = self.std
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.covariance / np.outer(std, std))
+        return _correlation(self.covariance)
 
     @property
     def std(self) -> Array:
         """Standard deviations of the corrections, shape (u,)."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
+        return _std(self.covariance)
 
     @property
     def noise_std(self) -> Array:
         """The part of `std` from noise, which data of other positions average out, shape (u,)."""
-        return np.asarray(np.sqrt(np.diag(self.parts["noise"])))
+        return _std(self.parts["noise"])
+
+    @property
+    def quality(self) -> LaserQuality:
+        """Summary in numbers, without the arrays by observation."""
+        return LaserQuality(
+            count=len(self.residuals),
+            rank=self.rank,
+            redundancy=self.redundancy,
+            residual_std_m=float(np.sqrt(self.variance)),
+            variance_factor=self.variance_factor,
+            variance_factor_p=self.variance_factor_p,
+            condition=self.condition,
+            least_redundancy_number=float(min(self.redundancy_numbers, default=np.nan)),
+            weakly_determined=self.weakly_determined,
+            iterations=self.iterations,
+            converged=self.converged,
+            message=self.message,
+        )
 
     def interval(self, level: float = 0.95) -> Array:
         """Half widths of confidence intervals, shape (u,).
 
-        Student's quantile where the noise is estimated from few blocks; by Welch and
-        Satterthwaite it nears the normal one as the other, known parts grow.
+        Where the noise is estimated from few blocks, Student's quantile is used. Its degrees of
+        freedom, by Welch and Satterthwaite, grow with the share of the other sources, whose sizes
+        are known.
+
+        Parameters
+        ----------
+        level : float
+            Probability that an interval covers the truth.
         """
         noise = np.diag(self.parts["noise"])
         total = np.diag(self.covariance)
         with np.errstate(invalid="ignore", divide="ignore"):
-            freedom = np.where(noise > 0, self.freedom * (total / noise) ** 2, _NORMAL)
-        quantile = stdtrit(np.clip(freedom, 1.0, _NORMAL), 0.5 + level / 2.0)
+            dof = np.where(noise > 0, self.dof * (total / noise) ** 2, _NORMAL)
+        quantile = stdtrit(np.clip(dof, 1.0, _NORMAL), 0.5 + level / 2.0)
         return np.asarray(quantile * self.std)
+
+
+@dataclass(frozen=True)
+class CalibrationSet:
+    """Calibration of all lasers of a scanner with its covariance.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Adjusted parameters, in the order of the vectors and matrices below.
+    initial : LaserParameters
+        Parameters that the corrections belong to.
+    corrections : ndarray, shape (lasers, u)
+        To be added to the initial parameters; metres and radians. Zero for a laser that was not
+        observed.
+    observed : ndarray of bool, shape (lasers,)
+        Whether there are observations of the laser.
+    sources : mapping of str to ndarray, shape (lasers, u, u)
+        Covariance of the corrections by source, see `Adjustment.parts`; empty where it is not
+        known.
+    quality : tuple of LaserQuality
+        By laser; empty for a mean of several sets.
+    """
+
+    names: tuple[str, ...]
+    initial: LaserParameters
+    corrections: Array
+    observed: NDArray[np.bool_]
+    sources: Mapping[str, Array] = field(default_factory=dict)
+    quality: tuple[LaserQuality, ...] = ()
+
+    @classmethod
+    def from_adjustments(
+        cls, results: Sequence[Adjustment], initial: LaserParameters
+    ) -> CalibrationSet:
+        """Put the adjustments of all lasers together.
+
+        Parameters
+        ----------
+        results : sequence of Adjustment
+            By laser.
+        initial : LaserParameters
+            Where the adjustments started.
+
+        Returns
+        -------
+        CalibrationSet
+            With all sources of covariance, and the quality of every laser.
+        """
+        names = list(dict.fromkeys(source for one in results for source in one.parts))
+        zero = np.zeros((len(results[0].names),) * 2)
+        return cls(
+            names=results[0].names,
+            initial=initial,
+            corrections=np.array([one.corrections for one in results]),
+            observed=np.array([len(one.residuals) > 0 for one in results]),
+            sources={
+                name: np.array([one.parts.get(name, zero) for one in results]) for name in names
+            },
+            quality=tuple(one.quality for one in results),
+        )
+
+    @classmethod
+    def from_columns(
+        cls,
+        columns: Mapping[str, NDArray[Any]],
+        initial: LaserParameters,
+        covariance: Mapping[str, NDArray[Any]] | None = None,
+    ) -> CalibrationSet:
+        """Read what `to_columns` and `covariance_columns` gave.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray
+            Columns of corrections and quality, a row per laser.
+        initial : LaserParameters
+            Where the adjustment started.
+        covariance : mapping of str to ndarray, optional
+            Columns of covariances; without them `sources` is empty.
+
+        Returns
+        -------
+        CalibrationSet
+            With parameters in the order of `functional.ADJUSTABLE`.
+
+        Raises
+        ------
+        VelocalError
+            If a column is missing, or the number of lasers is not that of `initial`.
+        """
+        present = {name: f"{name}_correction_{ADJUSTABLE_UNITS[name]}" for name in ADJUSTABLE}
+        names = tuple(name for name, column in present.items() if column in columns)
+        values = [np.asarray(columns[present[name]], dtype=float) for name in names]
+        if not names or any(len(value) != len(initial) for value in values):
+            raise VelocalError(
+                f"corrections of {', '.join(names) or 'no parameter'} for "
+                f"{len(values[0]) if values else 0} lasers",
+                where="columns of an adjustment",
+                allowed=f"corrections for {len(initial)} lasers",
+            )
+        rows = zip(*(_column(columns, each.name) for each in fields(LaserQuality)), strict=True)
+        quality = tuple(
+            LaserQuality(
+                *(_READ[str(e.type)](v) for e, v in zip(fields(LaserQuality), row, strict=True))
+            )
+            for row in rows
+        )
+        return cls(
+            names=names,
+            initial=initial,
+            corrections=np.column_stack(values),
+            observed=np.array([one.count > 0 for one in quality]),
+            sources={} if covariance is None else _matrices(covariance, names, len(initial)),
+            quality=quality,
+        )
+
+    def __len__(self) -> int:
+        return len(self.corrections)
+
+    @property
+    def adjusted(self) -> LaserParameters:
+        """Initial parameters with the corrections added; without a range scale."""
+        return split(self.corrections, self.names, self.initial)[0]
+
+    @property
+    def range_scale(self) -> Array | None:
+        """Range scale of every laser, shape (lasers,); None where it was not adjusted."""
+        return split(self.corrections, self.names, self.initial)[1]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the corrections, all sources together; NaN where it is not known.
+
+        Shape (lasers, u, u).
+        """
+        if not self.sources:
+            return np.full((*self.corrections.shape, len(self.names)), np.nan)
+        return np.asarray(sum(self.sources.values()))
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of the corrections, shape (lasers, u)."""
+        return _std(self.covariance)
+
+    @property
+    def noise_std(self) -> Array:
+        """The part of `std` from noise, shape (lasers, u); NaN where it is not known."""
+        noise = self.sources.get("noise")
+        return np.full(self.corrections.shape, np.nan) if noise is None else _std(noise)
+
+    def std_by_name(self) -> dict[str, Array]:
+        """Standard deviations, shape (lasers,), by parameter."""
+        return dict(zip(self.names, self.std.T, strict=True))
+
+    def covariance_by_pair(self) -> dict[tuple[str, str], Array]:
+        """Covariances of two different parameters of a laser, shape (lasers,), by pair."""
+        covariance = self.covariance
+        return {
+            (self.names[i], self.names[j]): covariance[:, i, j]
+            for i, j in itertools.combinations(range(len(self.names)), 2)
+        }
+
+    def to_columns(self) -> dict[str, list[Any]]:
+        """Columns of corrections, standard deviations and quality, a row per laser."""
+        columns: dict[str, list[Any]] = {"laser_id": list(range(len(self)))}
+        std, noise_std = self.std, self.noise_std
+        for number, name in enumerate(self.names):
+            unit = ADJUSTABLE_UNITS[name]
+            columns[f"{name}_correction_{unit}"] = self.corrections[:, number].tolist()
+            columns[f"{name}_std_{unit}"] = std[:, number].tolist()
+            columns[f"{name}_noise_std_{unit}"] = noise_std[:, number].tolist()
+        for each in fields(LaserQuality):
+            columns[each.name] = [getattr(one, each.name) for one in self.quality]
+        columns["weakly_determined"] = [" ".join(names) for names in columns["weakly_determined"]]
+        columns["converged"] = [int(value) for value in columns["converged"]]
+        return columns
+
+    def covariance_columns(self) -> dict[str, list[Any]]:
+        """Columns of all covariances and correlations, a row per laser and pair of parameters.
+
+        The column ``covariance`` is the sum of the columns of the sources. Units are the product
+        of those of the two parameters.
+        """
+        pairs = itertools.combinations_with_replacement(range(len(self.names)), 2)
+        first, second = np.array(list(pairs)).T
+        n, named = len(self), np.array(self.names)
+
+        def column(matrices: Array) -> list[float]:
+            return matrices[:, first, second].ravel().tolist()
+
+        columns: dict[str, list[Any]] = {
+            "laser_id": np.repeat(np.arange(n), len(first)).tolist(),
+            "first": np.tile(named[first], n).tolist(),
+            "second": np.tile(named[second], n).tolist(),
+            "covariance": column(self.covariance),
+            "correlation": column(_correlation(self.covariance)),
+        }
+        return columns | {name: column(matrices) for name, matrices in self.sources.items()}
+
+    def summary(self) -> str:
+        """Describe the calibration in a few lines for people."""
+        lines = [f"{len(self)} lasers, {int(self.observed.sum())} of them observed"]
+        if self.quality:
+            lines[0] += f", {sum(one.converged for one in self.quality)} converged"
+        lines.append("parameter  unit  mean correction  its spread  median std  weakly determined")
+        seen, std = self.observed, self.std
+        for number, name in enumerate(self.names):
+            unit, size = _FOR_PEOPLE[ADJUSTABLE_UNITS[name]]
+            own = self.corrections[seen, number] / size
+            median = np.median(std[seen, number]) / size if seen.any() else np.nan
+            mean, spread = (own.mean(), own.std()) if len(own) else (np.nan, np.nan)
+            weak = sum(name in one.weakly_determined for one in self.quality)
+            lines.append(
+                f"{name:9}  {unit:4}  {mean:15.3f}  {spread:10.3f}  {median:10.3f}  "
+                f"{weak if self.quality else '-':>17}"
+            )
+        return "\n".join(lines)
+
+
+def _std(covariance: Array) -> Array:
+    """Roots of the diagonals of matrices along the last two axes."""
+    return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
+
+
+def _correlation(covariance: Array) -> Array:
+    std = _std(covariance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(covariance / (std[..., :, None] * std[..., None, :]))
+
+
+def _column(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    """One column; an error that names it if it is missing."""
+    if name not in columns:
+        raise VelocalError(
+            f"column {name!r} is missing",
+            where="columns of an adjustment",
+            hint="run the adjustment again with this version",
+        )
+    return np.asarray(columns[name])
+
+
+#: How a value of `LaserQuality` is read from a table, by its type. An empty text reads as NaN.
+_READ: dict[str, Callable[[Any], Any]] = {
+    "int": int,
+    "float": float,
+    "bool": bool,
+    "str": lambda value: value if isinstance(value, str) else "",
+    "tuple[str, ...]": lambda value: tuple(value.split()) if isinstance(value, str) else (),
+}
+
+
+def _matrices(
+    columns: Mapping[str, NDArray[Any]], names: Sequence[str], lasers: int
+) -> dict[str, Array]:
+    """Covariance matrices (lasers, u, u) by source."""
+    laser = _column(columns, "laser_id").astype(np.int64)
+    pairs = [_column(columns, key) for key in ("first", "second")]
+    if unknown := set().union(*pairs) - set(names):
+        raise VelocalError(
+            f"covariances of {', '.join(sorted(map(str, unknown)))}",
+            where="columns of an adjustment",
+            allowed=f"those of the corrections: {', '.join(names)}",
+        )
+    i, j = (np.array([names.index(name) for name in pair], dtype=np.int64) for pair in pairs)
+    found = {}
+    for source in (name for name in columns if name not in _PAIR):
+        found[source] = np.full((lasers, len(names), len(names)), np.nan)
+        found[source][laser, i, j] = found[source][laser, j, i] = columns[source]
+    return found

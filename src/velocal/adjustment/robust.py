@@ -1,4 +1,4 @@
-"""Robust solvers: rows that disagree with the others are weighted down at every linearisation."""
+"""Robust solvers: rows that disagree with the others get a smaller weight."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def huber(size: Array, limit: float = 1.345) -> Array:
 
 
 def igg(size: Array, inner: float = 1.5, outer: float = 3.0) -> Array:
-    """Weights of the IGG III scheme: 1 inside, falling smoothly, 0 beyond the outer limit."""
+    """Weights of the IGG III scheme: 1 inside, 0 beyond the outer limit, smooth between them."""
     safe = np.maximum(size, 1e-300)
     fall = inner / safe * ((outer - safe) / (outer - inner)) ** 2
     return np.where(size <= inner, 1.0, np.where(size >= outer, 0.0, fall))
@@ -37,14 +37,14 @@ def snooping(size: Array, limit: float = 3.29) -> Array:
 _WEIGHTS: dict[str, Callable[[Array], Array]] = {"huber": huber, "igg": igg, "snooping": snooping}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Robust:
-    """Another solver on reweighted rows.
+    """Another solver on rows that are weighted anew at every linearisation.
 
-    The residuals at the current parameters, centred by their median at the first linearisation
-    and standardised by the median absolute deviation, give the weights; data snooping also
-    divides by the root of the redundancy number of each row, and may not settle where one stands
-    just at the limit.
+    The weights follow from the residuals at the current parameters, which are divided by their
+    median absolute deviation; at the first linearisation their median is subtracted before. Data
+    snooping also divides by the root of the redundancy number of each row. It may not converge
+    where a row is just at the limit.
 
     Attributes
     ----------
@@ -57,29 +57,29 @@ class Robust:
     base: Solver
     kind: Literal["huber", "igg", "snooping"] = "huber"
 
-    def step(self, system: System, basis: Array | None = None, damping: float = 0.0) -> Step:
+    def step(self, system: System, basis: Array | None = None) -> Step:
         """Solve one linearised system; see `Solver.step`."""
-        residual = system.w / system.row_std
+        residual = system.w / system.sigma_misclosure
         if not system.shift.any():
-            # Before anything is adjusted, the laser's own offset would hide the outliers.
+            # Nothing is adjusted yet, and the offset of the laser would hide the outliers.
             residual = residual - np.median(residual)
         spread = MAD_PER_STD * np.median(np.abs(residual))
-        if spread <= 1e-12 * np.max(np.abs(system.w / system.row_std), initial=1e-300):
-            return self.base.step(system, basis, damping)
+        if spread <= 1e-12 * np.max(np.abs(system.w / system.sigma_misclosure), initial=1e-300):
+            return self.base.step(system, basis)
         size = np.abs(residual) / spread
         if self.kind == "snooping":
-            leverage = self.base.step(system, basis, damping).leverage
+            leverage = self.base.step(system, basis).leverage
             size = size / np.sqrt(np.maximum(1.0 - leverage, 1e-6))
         weight = _WEIGHTS[self.kind](size)
         root = np.sqrt(weight)
         weighted = replace(system, matrix=system.matrix * root[:, None], w=system.w * root)
-        step = self.base.step(weighted, basis, damping)
-        return replace(step, gain=step.gain * root, row_weight=weight)
+        step = self.base.step(weighted, basis)
+        return replace(step, influence=step.influence * root, row_weight=weight)
 
     def objective(self, system: System) -> float:
-        """Nothing: weights change with every step, so that no one sum is minimised."""
+        """Zero: the weights change with every step, so that no sum is minimised throughout."""
         return 0.0
 
     def reduced(self, system: System, *, keep: bool = False) -> System:
-        """Return the system: every row has its own weight."""
+        """Return the system itself: its weights are not known before it is solved."""
         return system

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.errors import VelocalError
+
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SurveyUncertainty:
-    """How sure pose and planes of one station are.
+    """Uncertainty of the pose and the planes of one station.
 
     Attributes
     ----------
@@ -33,7 +35,7 @@ class SurveyUncertainty:
     flatness_m: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stochastic:
     """A-priori knowledge.
 
@@ -45,16 +47,18 @@ class Stochastic:
         Standard deviation of the corrections that the factory's accuracy allows, by parameter;
         metres and radians. It scales the parameters to each other.
     angle_std_rad : float
-        Standard deviation of a rotational angle.
+        Standard deviation of a rotational angle, radians.
     block_rad : float or None
-        Misclosures nearer than this in rotational angle, on one plane, are correlated: they form
-        blocks, and the spread of the blocks gives the noise of the parameters. None: independent.
+        Width of a block, radians. Misclosures of one block, which are near each other in
+        rotational angle and on one plane, are correlated; the spread of the blocks gives the
+        noise of the parameters. None where misclosures are independent.
     range_scale : float
-        Standard deviation of a range scale per laser that is not adjusted.
+        Standard deviation of the range scale of a laser, where it is not adjusted.
     repeatability_m : float
-        Standard deviation of what changes the distances of a laser from one recording to another.
+        Standard deviation of the change of the distances of a laser from one recording to
+        another, metres.
     survey : tuple of SurveyUncertainty
-        By station.
+        Uncertainty of the survey, by station.
     """
 
     noise_std_m: float
@@ -65,7 +69,24 @@ class Stochastic:
     repeatability_m: float = 0.0
     survey: tuple[SurveyUncertainty, ...] = ()
 
-    def row_std(self, by_phi: Array) -> Array:
+    def prior_of(self, names: Sequence[str]) -> Array:
+        """Prior standard deviations of some parameters, shape (u,).
+
+        Raises
+        ------
+        VelocalError
+            If there is none for one of them.
+        """
+        if missing := [name for name in names if name not in self.prior_std]:
+            raise VelocalError(
+                f"no prior standard deviation of {', '.join(missing)}",
+                where="adjustment",
+                allowed=", ".join(self.prior_std),
+                hint="give it a prior, or do not adjust it",
+            )
+        return np.array([self.prior_std[name] for name in names])
+
+    def sigma_misclosure(self, by_phi: Array) -> Array:
         """Standard deviation of misclosures with derivative `by_phi` by the rotational angle."""
         return np.sqrt(self.noise_std_m**2 + (by_phi * self.angle_std_rad) ** 2)
 
@@ -81,6 +102,11 @@ def block_numbers(phi: Array, group: NDArray[np.integer], width: float) -> NDArr
         Rows of different groups are never in one block.
     width : float
         Width of a block, radians.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Numbers 0, 1, ... in the order of group and angle.
     """
     cells = int(np.ceil(2.0 * np.pi / width)) + 1
     cell = np.floor(np.mod(phi, 2.0 * np.pi) / width).astype(np.int64)

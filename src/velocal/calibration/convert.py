@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.calibration.dialects import PAPER, Dialect, dialect_named
 from velocal.errors import DialectError
+from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Ranges at which differences are stated unless others are asked for, metres.
 RANGES_M = (3.0, 10.0, 25.0, 80.0)
@@ -20,12 +19,12 @@ RANGES_M = (3.0, 10.0, 25.0, 80.0)
 RATE_HZ: Final = 10.0
 
 
-def apart(
+def max_point_distance(
     first: tuple[Dialect, LaserParameters],
     second: tuple[Dialect, LaserParameters],
     ranges_m: tuple[float, ...] = RANGES_M,
     *,
-    scanner: str | None = None,
+    scanner: Scanner | None = None,
     rate_hz: float = RATE_HZ,
 ) -> Array:
     """Largest distance between the points of two calibrations, over all azimuths.
@@ -33,10 +32,13 @@ def apart(
     Parameters
     ----------
     first, second : (Dialect, LaserParameters)
+        A calibration and the program that reads it.
     ranges_m : tuple of float
         Ranges corrected by the first's dl; both get the same raw distance.
-    scanner : str, optional
+    scanner : Scanner, optional
         If given, azimuths are interpolated as each program does for it, at `rate_hz`.
+    rate_hz : float
+        Rotation rate.
 
     Returns
     -------
@@ -61,20 +63,39 @@ def apart(
         raw = np.maximum(range_m - first[1].dl, 0.0)[laser]
         xyz = []
         for dialect, parameters in (first, second):
-            turned = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
-            xyz.append(dialect.points(raw, turned, laser, parameters))
+            phi = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
+            xyz.append(dialect.points(raw, phi, laser, parameters))
         between = np.linalg.norm(xyz[0] - xyz[1], axis=1)
         result.append(between.reshape(n_lasers, -1).max(axis=1))
     return np.array(result)
 
 
-def obstacles(
-    parameters: LaserParameters, source: Dialect, target: Dialect, scanner: str | None = None
+def incompatibilities(
+    parameters: LaserParameters,
+    source: Dialect,
+    target: Dialect,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
 ) -> list[str]:
-    """What keeps a conversion from being exact; empty where nothing does.
+    """What keeps a conversion from being exact.
 
-    That some programs round interpolated azimuths to 0.01 deg (`Dialect.rounds`, up to 7 mm
-    at 80 m) is not a matter of the numbers, and is disregarded.
+    Some programs round interpolated azimuths to 0.01 deg (`Dialect.rounds`, up to 7 mm at 80 m).
+    No conversion of the numbers can change that, so it is disregarded.
+
+    Parameters
+    ----------
+    parameters : LaserParameters
+        Numbers of the dialect `source`.
+    source, target : Dialect
+    scanner : Scanner, optional
+        If given, the interpolation of its azimuths is compared as well.
+    rate_hz : float, optional
+        If given, the rotation rate at which a difference in interpolation can go into alpha.
+
+    Returns
+    -------
+    list of str
+        A clause for every reason; empty if the conversion is exact.
     """
     found = []
     x, y = source.near(parameters)
@@ -87,10 +108,22 @@ def obstacles(
             found.append(f"{target.name} interpolates near-point corrections in another way")
     if source.alpha and not target.alpha and parameters.alpha.any():
         found.append(f"{target.name} ignores rotational corrections")
-    before, after = (d.delays_s(scanner, len(parameters)) for d in (source, target))
-    if not np.array_equal(before, after):
-        found.append(f"{source.name} and {target.name} interpolate azimuths differently")
+    if scanner is None:
+        return found
+    later = _delays_between(source, target, scanner)
+    differently = f"{source.name} and {target.name} interpolate azimuths differently"
+    if later is None:
+        found.append(f"{differently}, and the firing times of the {scanner.name} are not known")
+    elif later.any() and (rate_hz is None or not target.alpha):
+        found.append(differently)
     return found
+
+
+def _delays_between(source: Dialect, target: Dialect, scanner: Scanner) -> Array | None:
+    """Time by which the target takes azimuths later, (n_lasers,); None if it is not known."""
+    if scanner.firing_time_s is None and source.policy(scanner) is not target.policy(scanner):
+        return None
+    return np.asarray(target.delays_s(scanner) - source.delays_s(scanner))
 
 
 def _lever(dialect: Dialect, v: Array) -> Array:
@@ -104,7 +137,7 @@ def convert(
     source: Dialect,
     target: Dialect,
     *,
-    scanner: str | None = None,
+    scanner: Scanner | None = None,
     rate_hz: float | None = None,
     inexact: bool = False,
 ) -> LaserParameters:
@@ -120,27 +153,32 @@ def convert(
     parameters : LaserParameters
         Numbers of the dialect `source`.
     source, target : Dialect
-    scanner : str, optional
-        If given, the interpolation of its azimuths is looked at as well.
+    scanner : Scanner, optional
+        If given, the interpolation of its azimuths is compared as well.
     rate_hz : float, optional
         Rotation rate at which a difference in interpolation goes into alpha.
     inexact : bool
         Convert what can be converted, and leave what cannot.
 
+    Returns
+    -------
+    LaserParameters
+        Numbers of the dialect `target`.
+
     Raises
     ------
     DialectError
-        If the points would differ and `inexact` is not set; it says by how much.
+        If the points would differ and `inexact` is not set; it says by how much. Also if the
+        target cannot express the vertical offset of a laser at all.
     """
     if source == target:
         return parameters
     v, voff, near = parameters.v, parameters.voff, source.near(parameters)
     alpha = parameters.alpha if source.alpha else np.zeros_like(v)
-    exact_for = scanner
-    if scanner is not None and rate_hz is not None and target.alpha:
-        later = target.delays_s(scanner, len(v)) - source.delays_s(scanner, len(v))
-        alpha, exact_for = alpha + 2.0 * np.pi * rate_hz * later, None
-    dl, hindered = parameters.dl, obstacles(parameters, source, target, exact_for)
+    later = None if scanner is None else _delays_between(source, target, scanner)
+    if later is not None and rate_hz is not None and target.alpha:
+        alpha = alpha + 2.0 * np.pi * rate_hz * later
+    dl = parameters.dl
     if (source.reach, source.orthogonal) != (target.reach, target.orthogonal):
         lever = _lever(target, v)
         if (singular := (np.abs(lever) < 1e-6) & (voff != 0)).any():
@@ -155,23 +193,42 @@ def convert(
         moved = (np.where(acts, each + (dl - parameters.dl), dl) for each in near)
         carried |= dict(zip(NEAR_POINT, moved, strict=True)) | {TWO_POINT: acts.astype(float)}
     result = replace(parameters, dl=dl, alpha=alpha, voff=voff, carried=carried)
-    if hindered and not inexact:
+    reasons = incompatibilities(parameters, source, target, scanner, rate_hz)
+    if reasons and not inexact:
         sizes = differences(parameters, source, result, target, scanner, rate_hz or RATE_HZ)
-        turned = obstacles(parameters, source, target) != hindered
+        rate_helps = incompatibilities(parameters, source, target, scanner, RATE_HZ) != reasons
         raise DialectError(
-            f"{'; '.join(hindered)}: {sizes}",
+            f"{'; '.join(reasons)}: {sizes}",
             hint="Accept the differences (--inexact)"
-            + (", or state the rotation rate (--rate-hz)." if turned else "."),
+            + (", or state the rotation rate (--rate-hz)." if rate_helps else "."),
         )
     return result
 
 
-def exported(parameters: LaserParameters, dialect: str) -> LaserParameters:
-    """Numbers of a refined set for the program of that name.
+def for_program(parameters: LaserParameters, dialect: str) -> LaserParameters:
+    """Numbers of a refined set for the program that computes by the dialect of that name.
 
     The set has one distance correction per laser, found at the ranges of its walls; so readers
-    with a two-point correction get it for the near points too. What is left are rotational
-    corrections that a program ignores, and azimuths that it interpolates otherwise.
+    with a two-point correction get it for the near points too. Two differences remain: rotational
+    corrections that a program ignores, and azimuths that it interpolates in another way.
+
+    Parameters
+    ----------
+    parameters : LaserParameters
+        Numbers of the dialect ``paper``.
+    dialect : str
+
+    Returns
+    -------
+    LaserParameters
+        Numbers of that dialect.
+
+    Raises
+    ------
+    ConfigError
+        If no dialect has that name.
+    DialectError
+        If the dialect cannot express the vertical offset of a laser.
     """
     return convert(parameters, PAPER, dialect_named(dialect), inexact=True)
 
@@ -181,11 +238,32 @@ def differences(
     source: Dialect,
     result: LaserParameters,
     target: Dialect,
-    scanner: str | None = None,
+    scanner: Scanner | None = None,
     rate_hz: float = RATE_HZ,
 ) -> str:
-    """Largest differences between the points of two calibrations, in words."""
+    """Say how far the points of two calibrations are apart, at each of `RANGES_M`.
+
+    Parameters
+    ----------
+    parameters, result : LaserParameters
+        Numbers of `source` and of `target`.
+    source, target : Dialect
+    scanner : Scanner, optional
+        If given, azimuths are interpolated as each program does for it, at `rate_hz`.
+    rate_hz : float
+        Rotation rate.
+
+    Returns
+    -------
+    str
+        A clause with the largest distance at every range, centimetres.
+
+    Raises
+    ------
+    DialectError
+        If the numbers of lasers differ.
+    """
     pair = (source, parameters), (target, result)
-    sizes = apart(*pair, scanner=scanner, rate_hz=rate_hz).max(axis=1)
+    sizes = max_point_distance(*pair, scanner=scanner, rate_hz=rate_hz).max(axis=1)
     text = ", ".join(f"{100 * s:.1f} cm at {r:g} m" for r, s in zip(RANGES_M, sizes, strict=True))
     return f"points differ by up to {text}" + (f" (at {rate_hz:g} Hz)" if scanner else "")

@@ -13,28 +13,52 @@ them as X forward, Y left mean the same points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
-from velocal.scanner.models import AZIMUTH_TICK_DEG, SCANNERS
+from velocal.scanner.models import AZIMUTH_TICK_DEG, Family, Scanner
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Ranges of the two-point correction: far point, near point along X and along Y, metres.
 FAR_M, NEAR_X_M, NEAR_Y_M = 25.04, 2.4, 1.93
 
-# Microseconds of a laser in its block after the firing began (HDL-64E S2 manual, firing times).
-_HDL64E_FIRING_US = 6.0 * (np.arange(64) % 32 // 4) + np.tile([0.0, 1.26, 2.46, 3.66], 16)
+
+class Interpolation(Enum):
+    """How a program finds the azimuth of a laser from that of its firing."""
+
+    NONE = "all lasers of a firing have its azimuth"
+    ALL_LASERS = "each laser has the azimuth at which it fires"
+    AS_HDL32 = "one laser after the other, each a fortieth of the cycle later, as an HDL-32E fires"
+
+    def delays_s(self, scanner: Scanner) -> Array:
+        """Time from the azimuth of the firing to the azimuth of each laser.
+
+        Parameters
+        ----------
+        scanner : Scanner
+
+        Returns
+        -------
+        ndarray, shape (n_lasers,)
+            Seconds; zeros also where the firing times of the scanner are not known.
+        """
+        if self is Interpolation.ALL_LASERS and scanner.firing_time_s is not None:
+            return scanner.firing_time_s
+        if self is Interpolation.AS_HDL32:
+            return np.asarray(np.arange(float(scanner.n_lasers)) * scanner.firing_cycle_s / 40.0)
+        return np.zeros(scanner.n_lasers)
 
 
 @dataclass(frozen=True)
 class TwoPoint:
-    """Distance correction interpolated between a far and a near point, along X and Y apart.
+    """Distance correction interpolated between a far and a near point, for X and Y separately.
 
     Attributes
     ----------
@@ -72,8 +96,9 @@ class Dialect:
         None where near-point corrections are not read.
     alpha : bool
         Whether the rotational correction is applied.
-    interpolates : tuple of str
-        Scanners whose lasers are turned on by the time from the start of the firing to theirs.
+    interpolation : mapping of Family to Interpolation
+        How azimuths within a firing are found, by family of scanners; `Interpolation.NONE` for
+        families that are left out.
     rounds : bool
         Whether interpolated azimuths are rounded to 0.01 degrees.
     """
@@ -84,11 +109,22 @@ class Dialect:
     orthogonal: bool = False
     two_point: TwoPoint | None = None
     alpha: bool = True
-    interpolates: tuple[str, ...] = ()
+    interpolation: Mapping[Family, Interpolation] = field(default_factory=dict, hash=False)
     rounds: bool = True
 
     def near(self, parameters: LaserParameters) -> tuple[Array, Array]:
-        """Near-point corrections along X and Y in effect, by laser; dl where there are none."""
+        """Near-point corrections that take effect; `dl` for lasers for which none do.
+
+        Parameters
+        ----------
+        parameters : LaserParameters
+            Numbers of this dialect.
+
+        Returns
+        -------
+        x, y : ndarray, shape (n,)
+            Corrections along X and along Y, by laser, metres.
+        """
         x, y = (parameters.carried.get(name) for name in NEAR_POINT)
         if self.two_point is None or x is None or y is None:
             return parameters.dl, parameters.dl
@@ -105,24 +141,57 @@ class Dialect:
                 acts = nonzero
         return np.where(acts, x, parameters.dl), np.where(acts, y, parameters.dl)
 
-    def delays_s(self, scanner: str | None, n_lasers: int) -> Array:
-        """Time after the start of the firing by which a laser is turned on, by laser."""
-        if scanner is None or scanner not in self.interpolates:
-            return np.zeros(n_lasers)
-        if scanner == "HDL-64E":
-            return np.asarray(_HDL64E_FIRING_US * 1e-6)
-        return SCANNERS[scanner].firing_offset_s
+    def policy(self, scanner: Scanner) -> Interpolation:
+        """Look up how the program finds the azimuths of a scanner's lasers.
+
+        Parameters
+        ----------
+        scanner : Scanner
+
+        Returns
+        -------
+        Interpolation
+        """
+        return self.interpolation.get(scanner.family, Interpolation.NONE)
+
+    def delays_s(self, scanner: Scanner) -> Array:
+        """Time after the start of the firing at which azimuths are taken.
+
+        Parameters
+        ----------
+        scanner : Scanner
+
+        Returns
+        -------
+        ndarray, shape (n_lasers,)
+            Seconds.
+        """
+        return self.policy(scanner).delays_s(scanner)
 
     def azimuths(
-        self, raw: Array, laser_id: NDArray[np.integer], scanner: str, rate_hz: float
+        self, raw: Array, laser_id: NDArray[np.integer], scanner: Scanner, rate_hz: float
     ) -> Array:
-        """Azimuths at which points are computed, radians, from those of the firings."""
-        delay = self.delays_s(scanner, SCANNERS[scanner].n_lasers)[laser_id]
-        turned = raw + 2.0 * np.pi * rate_hz * delay
+        """Azimuths at which points are computed.
+
+        Parameters
+        ----------
+        raw : ndarray, shape (n,)
+            Azimuths of the firings, radians.
+        laser_id : ndarray of int, shape (n,)
+        scanner : Scanner
+        rate_hz : float
+            Rotation rate.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Radians.
+        """
+        fired = raw + 2.0 * np.pi * rate_hz * self.delays_s(scanner)[laser_id]
         if not self.rounds:
-            return np.asarray(turned)
+            return np.asarray(fired)
         tick = np.deg2rad(AZIMUTH_TICK_DEG)
-        return np.asarray(np.round(turned / tick) * tick)
+        return np.asarray(np.round(fired / tick) * tick)
 
     def points(
         self,
@@ -131,17 +200,22 @@ class Dialect:
         laser_id: NDArray[np.integer],
         parameters: LaserParameters,
     ) -> Array:
-        """Points that the program computes, metres, shape (n, 3).
+        """Compute points as the program does.
 
         Parameters
         ----------
         distance_m : ndarray, shape (n,)
             Raw distance, before any correction.
         azimuth : ndarray, shape (n,)
-            Radians; of the firing, or turned on by `azimuths`.
+            Radians; of the firing, or what `azimuths` gives.
         laser_id : ndarray of int, shape (n,)
         parameters : LaserParameters
             Numbers of this dialect.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Scanner frame of this project, metres.
         """
         v, voff, hoff = (getattr(parameters, name)[laser_id] for name in ("v", "voff", "hoff"))
         theta = azimuth - parameters.alpha[laser_id] if self.alpha else azimuth
@@ -170,7 +244,8 @@ def _between(at: Array, near_m: float, near: Array, far: Array) -> Array:
     return np.asarray(near + (far - near) * (at - near_m) / (FAR_M - near_m))
 
 
-_BY_TIME = ("HDL-32E", "VLP-16")
+_ALL = dict.fromkeys(Family, Interpolation.ALL_LASERS)
+_AS_MANUFACTURER = {family: policy for family, policy in _ALL.items() if family.interpolated}
 _SAMPLE_CODE = TwoPoint("given", np.inf, with_offsets=True)
 
 #: Every dialect by name.
@@ -180,21 +255,21 @@ DIALECTS: dict[str, Dialect] = {
         Dialect(
             "paper",
             "equations (1)-(3): one distance correction; the model of this project",
-            interpolates=_BY_TIME,
+            interpolation=_AS_MANUFACTURER,
             rounds=False,
         ),
         Dialect(
             "manual",
             "HDL-64E S3 user's manual, appendix F, sample code (two-point up to 25 m)",
             two_point=TwoPoint("given", 25.001, with_offsets=False),
-            interpolates=_BY_TIME,
+            interpolation=_AS_MANUFACTURER,
             rounds=False,
         ),
         Dialect(
             "manual_s2",
             "HDL-64E S2 user's manual, appendix F, sample code (two-point at all ranges)",
             two_point=_SAMPLE_CODE,
-            interpolates=_BY_TIME,
+            interpolation=_AS_MANUFACTURER,
             rounds=False,
         ),
         Dialect(
@@ -203,7 +278,7 @@ DIALECTS: dict[str, Dialect] = {
             reach=-1,
             orthogonal=True,
             two_point=replace(_SAMPLE_CODE, where="flag"),
-            interpolates=("VLP-16",),
+            interpolation=dict.fromkeys((Family.VLP16, Family.VLS128), Interpolation.ALL_LASERS),
         ),
         Dialect(
             "libvelodyne",
@@ -216,7 +291,7 @@ DIALECTS: dict[str, Dialect] = {
             "Kitware VeloView, vtkVelodyneLegacyPacketInterpreter.cxx "
             "and VelodynePacketInterpreterCommon.cxx",
             reach=-1,
-            interpolates=("HDL-64E", *_BY_TIME),
+            interpolation=_ALL,
         ),
         Dialect("pcl", "PointCloudLibrary/pcl, io/src/hdl_grabber.cpp"),
         Dialect(
@@ -224,13 +299,18 @@ DIALECTS: dict[str, Dialect] = {
             "MRPT/mrpt, libs/obs/src/CObservationVelodyneScan.cpp",
             reach=1,
             alpha=False,
-            interpolates=_BY_TIME,
+            # It knows scanners of 16, 32 and 64 lasers by that number alone.
+            interpolation={
+                Family.HDL32: Interpolation.ALL_LASERS,
+                Family.VLP16: Interpolation.ALL_LASERS,
+                Family.VLP32: Interpolation.AS_HDL32,
+            },
         ),
         Dialect(
             "velodyne_decoder",
             "valgur/velodyne_decoder, src/packet_decoder.cpp",
             two_point=TwoPoint("nonzero", 25.039, with_offsets=False, z="mean"),
-            interpolates=("HDL-64E", *_BY_TIME),
+            interpolation=_ALL,
         ),
     )
 }
@@ -240,10 +320,20 @@ PAPER, MANUAL = DIALECTS["paper"], DIALECTS["manual"]
 def dialect_named(name: str, *, where: str | None = None) -> Dialect:
     """Look up a dialect.
 
+    Parameters
+    ----------
+    name : str
+    where : str, optional
+        Where the name stands, for the error.
+
+    Returns
+    -------
+    Dialect
+
     Raises
     ------
     ConfigError
-        If none has that name.
+        If no dialect has that name.
     """
     try:
         return DIALECTS[name]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.calibration.dialects import DIALECTS
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED
@@ -17,10 +18,12 @@ from velocal.calibration.files.document import Document
 from velocal.calibration.files.formats import format_of, read_calibration
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import SCANNERS, Scanner
-from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT, Array
+from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT
 
-#: Scanner with which a file of so many lasers is compared unless one is named.
+#: Scanner with which a file is compared by its number of lasers, unless a scanner is named.
 BY_LASERS = {64: "HDL-64E", 32: "HDL-32E", 16: "VLP-16"}
+#: Ticks of the raw distance that scanners have, metres.
+TICKS_M = sorted({scanner.distance_tick_m for scanner in SCANNERS.values()})
 #: Scanners of that many lasers exist, known here or not.
 COUNTS = (16, 32, 64, 128)
 #: Of the HDL-64E, whose units differ: no unit known is further from nominal.
@@ -29,7 +32,7 @@ _VERTICAL_RAD, _ROTATIONAL_RAD = np.deg2rad(3.0), np.deg2rad(4.0)
 
 @dataclass(frozen=True)
 class Finding:
-    """Something odd in a file.
+    """A probable fault of a file.
 
     Attributes
     ----------
@@ -59,10 +62,10 @@ def lint(path: Path, scanner: Scanner | None = None) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Empty where nothing is odd. Limits are such that they are kept by the real files known.
+        Empty if no fault is found. All real files known are within the limits of the checks.
     """
     try:
-        document = format_of(path).parse(path)
+        document = format_of(path).codec().parse(path)
     except CalibrationFileError as error:
         return [Finding("unreadable", error.what)]
     found = [*_document(document)]
@@ -85,10 +88,11 @@ def lint(path: Path, scanner: Scanner | None = None) -> list[Finding]:
 def _document(document: Document) -> Iterator[Finding]:
     try:
         tick = lasers.tick_m(document)
-        if not np.isclose(tick, [0.002, 0.004], rtol=1e-6).any():
-            yield Finding("tick", f"the distance tick is {tick:g} m; 0.002 or 0.004 are known")
+        if not np.isclose(tick, TICKS_M, rtol=1e-6).any():
+            known = " or ".join(f"{each:g}" for each in TICKS_M)
+            yield Finding("tick", f"the distance tick is {tick:g} m; {known} are known")
     except CalibrationFileError as error:
-        yield Finding("tick", f"{error.what}; 0.002 m, or 0.004 m for a VLS-128")
+        yield Finding("tick", f"{error.what}; 0.002 m, or 0.004 m for a VLP-32C or VLS-128")
     if document.dialect is not None and document.dialect not in DIALECTS:
         yield Finding("dialect", f"unknown dialect {document.dialect!r}")
     if document.stated is not None and document.stated != len(document.lasers):
@@ -182,9 +186,13 @@ def _distances(
     document: Document, ids: list[int], columns: Columns, scanner: Scanner | None
 ) -> Iterator[Finding]:
     dl = columns["dl"]
-    odd = np.abs(dl - np.median(dl[np.isfinite(dl)])) > 0.6 if np.isfinite(dl).any() else dl > 0
-    if odd.any() and not (np.abs(dl) > 10.0).any():
-        yield Finding("distance", f"distance correction of {_of(ids, odd)} is unlike the others")
+    outlying = (
+        np.abs(dl - np.median(dl[np.isfinite(dl)])) > 0.6 if np.isfinite(dl).any() else dl > 0
+    )
+    if outlying.any() and not (np.abs(dl) > 10.0).any():
+        yield Finding(
+            "distance", f"distance correction of {_of(ids, outlying)} is unlike the others"
+        )
     if ((zero := dl == 0).any()) and not zero.all():
         yield Finding("distance", f"distance correction of {_of(ids, zero)} is zero")
     x, y = (columns[name] for name in NEAR_POINT)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Chunk:
-    """Sound data packets that follow one another in a file.
+    """Valid data packets that follow one another in a file.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class Chunk:
     def __len__(self) -> int:
         return len(self.payloads)
 
-    def take(self, rows: NDArray[np.generic] | slice) -> Chunk:
-        """Some of the packets."""
+    def select(self, rows: NDArray[np.generic] | slice) -> Chunk:
+        """Select packets by a mask, by their numbers or by a slice."""
         return Chunk(
             self.payloads[rows],
             self.offsets[rows],
@@ -53,7 +53,7 @@ class Chunk:
 
 
 def joined(parts: Sequence[Chunk]) -> Chunk:
-    """Chunks of one file as one."""
+    """Join chunks that follow one another in one file; there must be one at least."""
     if len(parts) == 1:
         return parts[0]
     times = [part.capture_time_s for part in parts if part.capture_time_s is not None]

@@ -8,27 +8,27 @@ from typing import BinaryIO, Protocol
 from velocal.errors import RecordingError
 
 GZIP_MAGIC = b"\x1f\x8b"
-#: Compressed bytes unpacked at a time; what a fault costs at most before it is noticed.
+#: Compressed bytes that are unpacked at a time: a fault costs no more than these.
 PIECE_BYTES = 1 << 14
-#: Unpacked bytes at a time, whatever they were packed into.
+#: Largest number of bytes that one step of unpacking may give.
 MOST_BYTES = 1 << 22
-#: A seek may go back so far.
+#: Number of bytes by which a seek may go back.
 KEPT_BYTES = 1 << 20
 
 
 class Content(Protocol):
-    """What readers need of a file."""
+    """The two methods of a file that readers need."""
 
     def seek(self, position: int, /) -> object:
         """Go to a byte of the content."""
         ...
 
     def read(self, size: int, /) -> bytes:
-        """Read so many bytes, fewer at the end."""
+        """Read `size` bytes, fewer at the end."""
         ...
 
 
-class Unpacked:
+class GzipReader:
     """Content of a gzip file, of one or more members, with the methods of a file.
 
     Attributes
@@ -51,13 +51,19 @@ class Unpacked:
         self.cut = False
 
     def seek(self, position: int, /) -> None:
-        """Go to a byte of the content, at most `KEPT_BYTES` back."""
+        """Go to a byte of the content.
+
+        Raises
+        ------
+        RecordingError
+            If the byte lies more than `KEPT_BYTES` before the last one read.
+        """
         if position < self._begin:
             raise RecordingError("a compressed recording can only be read forwards")
         self._at = position
 
     def read(self, size: int, /) -> bytes:
-        """Unpack so many bytes, fewer at the end."""
+        """Unpack `size` bytes, fewer at the end."""
         stop = self._at + size
         while not self._ended and self._begin + len(self._kept) < stop:
             self._kept += self._more()

@@ -30,9 +30,9 @@ class Ledger:
     framing : str
         How packets were delimited.
     data : Count
-        Sound data packets, their bytes of payload.
+        Valid data packets, and the bytes of their payloads.
     framing_bytes : int
-        File header and packet headers of the sound data packets.
+        File header and packet headers of the valid data packets.
     position : Count
         Position (GPS) packets, noted but not used.
     rejected : dict of str to Count
@@ -59,7 +59,15 @@ class Ledger:
     nmea: str = ""
 
     def reject(self, reason: str, packets: int, bytes_: int) -> None:
-        """Enter packets that are not used; nothing is entered for none."""
+        """Enter packets that are not used.
+
+        Parameters
+        ----------
+        reason : str
+            Why they are not used.
+        packets, bytes_ : int
+            Their number and their bytes, framing included. If both are zero, nothing is entered.
+        """
         if packets or bytes_:
             self.rejected.setdefault(reason, Count()).add(packets, bytes_)
 

@@ -1,6 +1,6 @@
-"""Order of packets: duplicates dropped, late ones put back, within a bound.
+"""Order of packets: duplicates are dropped, late packets are put back, within a bound.
 
-Order is told by the device clock. Where a scanner has none, only duplicates are seen.
+The device clock tells the order. Where a scanner has none, only duplicates are seen.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from velocal.packets.data import view
 
 #: The device clock counts the microseconds of an hour.
 HOUR_US = 3_600_000_000
-#: A packet is looked for among so many before it.
+#: Number of packets before a packet among which its place, or its duplicate, is looked for.
 BOUND = 32
 #: Steps of a clock from packet to packet are shorter than this.
 _STEP_US = 100_000
 
 
 def clock_steps(stamps: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """Differences of trailing bytes as of a clock that begins again every hour; may be negative."""
+    """Differences of time stamps of a clock that begins again every hour; they may be negative."""
     half = HOUR_US // 2
     return np.mod(np.diff(stamps.astype(np.int64)) + half, HOUR_US) - half
 
@@ -31,8 +31,18 @@ def clock_steps(stamps: NDArray[np.uint32]) -> NDArray[np.int64]:
 def has_device_clock(stamps: NDArray[np.uint32], *, ordered: bool = True) -> bool:
     """Whether trailing bytes look like a clock: rising by less than 0.1 s nearly always.
 
-    HDL-64E S1 and early S2 units send text there, which alternates. Unless `ordered`, steps back
-    are as good.
+    HDL-64E S1 and early S2 units send text there, which alternates.
+
+    Parameters
+    ----------
+    stamps : ndarray of uint32, shape (n,)
+        Trailing four bytes of successive packets.
+    ordered : bool
+        Whether the packets are in order. If not, steps back count as well.
+
+    Returns
+    -------
+    bool
     """
     if len(stamps) < 2:
         return False
@@ -45,16 +55,18 @@ def has_device_clock(stamps: NDArray[np.uint32], *, ordered: bool = True) -> boo
 
 
 def _stamps(chunk: Chunk) -> NDArray[np.uint32]:
+    """Trailing four bytes of every packet, shape (n,)."""
     return np.ascontiguousarray(view(chunk.payloads)["timestamp"])
 
 
 def _rising(stamps: NDArray[np.uint32]) -> bool:
+    """Whether every step is that of a clock between packets in order."""
     steps = clock_steps(stamps)
     return bool(((steps > 0) & (steps < _STEP_US)).all())
 
 
-class Sequence:
-    """Brings packets in order; what was not in order is entered in the ledger.
+class Reorder:
+    """Bring packets in order; what was not in order is entered in the ledger.
 
     Attributes
     ----------
@@ -66,8 +78,11 @@ class Sequence:
         self._ledger = ledger
         self.changed = False
 
-    def mended(self, chunks: Iterator[Chunk]) -> Iterator[Chunk]:
-        """Chunks in order; one is held back, as the next may hold a packet that belongs to it."""
+    def reordered(self, chunks: Iterator[Chunk]) -> Iterator[Chunk]:
+        """Bring chunks in order.
+
+        One chunk is always kept back, because the next one may hold a packet that belongs to it.
+        """
         held: Chunk | None = None
         in_order = True
         for chunk in chunks:
@@ -77,24 +92,25 @@ class Sequence:
             if held is None:
                 held, in_order = chunk, rising
                 continue
-            ends = np.concatenate([_stamps(held.take(slice(-1, None))), _stamps(chunk)[:1]])
+            ends = np.concatenate([_stamps(held.select(slice(-1, None))), _stamps(chunk)[:1]])
             if in_order and rising and _rising(ends):
                 yield held
                 held = chunk
                 continue
-            both = self._mend(joined([held, chunk]))
+            both = self._sort(joined([held, chunk]))
             keep = min(2 * BOUND, len(both))
             if len(both) > keep:
-                yield both.take(slice(0, len(both) - keep))
-            held, in_order = both.take(slice(len(both) - keep, None)), False
+                yield both.select(slice(0, len(both) - keep))
+            held, in_order = both.select(slice(len(both) - keep, None)), False
         if held is not None:
-            yield held if in_order else self._mend(held)
+            yield held if in_order else self._sort(held)
 
-    def _mend(self, chunk: Chunk) -> Chunk:
+    def _sort(self, chunk: Chunk) -> Chunk:
+        """Drop duplicates and sort by the device clock, where there is one."""
         twice = _duplicates(chunk.payloads)
         if twice.any():
             self._drop("duplicate", chunk, twice)
-            chunk = chunk.take(~twice)
+            chunk = chunk.select(~twice)
         stamps = _stamps(chunk)
         if not has_device_clock(stamps, ordered=False):
             return chunk
@@ -105,10 +121,11 @@ class Sequence:
         if late or stray.any():
             self._ledger.reordered += late
             self.changed = True
-            chunk = chunk.take(order)
+            chunk = chunk.select(order)
         return chunk
 
     def _drop(self, reason: str, chunk: Chunk, rows: NDArray[np.bool_]) -> None:
+        """Enter packets in the ledger that are dropped."""
         self._ledger.reject(reason, int(rows.sum()), int(chunk.sizes[rows].sum()))
         self.changed = True
 
@@ -125,9 +142,23 @@ def _duplicates(payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def _order(time: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
-    """Order of packets by their clock, which are too late to have a place, and how many were late.
+    """Order of packets by their clock.
 
-    A clock that is set back is told from a late packet by what follows: it stays back.
+    A clock that is set back differs from a late packet by the packets that follow: they stay back.
+
+    Parameters
+    ----------
+    time : ndarray of int64, shape (n,)
+        Microseconds of the clock, without jumps at the hour.
+
+    Returns
+    -------
+    order : ndarray of int64
+        Numbers of the packets that have a place, in their order.
+    stray : ndarray of bool, shape (n,)
+        Packets that are too late to have a place.
+    late : int
+        Number of packets that were late and have a place.
     """
     forward = np.diff(time)
     forward = forward[forward > 0]

@@ -40,11 +40,14 @@ class PcapNg:
 
     name: str = "pcapng"
     first_packet: int = 0
-    enterable: bool = False
+    seekable: bool = False
     addressed: bool = True
 
     def chunks(self, file: Content, start: int, stop: int, ledger: Ledger) -> Iterator[Chunk]:
-        """Walk the blocks; after a damaged one, find the next by its two lengths."""
+        """Walk the blocks; after a damaged one, find the next by its two lengths.
+
+        Parameters and yields are those of `Framing.chunks`.
+        """
         datagrams, section = Datagrams(ledger), _Section()
         position = start
         while position < stop:
@@ -65,7 +68,7 @@ class PcapNg:
                     rows.append(row)
                 here += length
             if rows:
-                yield datagrams.take(_frames(data, rows), position, position + here)
+                yield datagrams.payloads(_frames(data, rows), position, position + here)
             position += here
             if lost:
                 rest = len(data) - here
@@ -85,7 +88,7 @@ class PcapNg:
 
 
 def _block_length(data: bytes, at: int, order: str) -> int | None:
-    """Length of a block, if it is said twice."""
+    """Length of a block if both of its copies agree and can be true, else None."""
     if at + _LEAST > len(data):
         return None
     if data[at : at + 4] == SECTION:
@@ -157,6 +160,7 @@ def _clock(options: bytes, order: str) -> tuple[float, int]:
 
 
 def _frames(data: bytes, rows: list[_Row]) -> Frames:
+    """Frames of the packets of `rows`, as arrays."""
     columns = list(zip(*rows, strict=True))
     start, size, captured, original, link, before = (
         np.array(columns[k], dtype=np.int64) for k in (0, 1, 3, 4, 5, 6)

@@ -16,7 +16,7 @@ import numpy as np
 
 from velocal.capture.chunk import Chunk
 from velocal.capture.ledger import Ledger
-from velocal.capture.udp import enter_sound
+from velocal.capture.udp import keep_valid
 from velocal.errors import RecordingError
 from velocal.packets.data import PAYLOAD_BYTES
 
@@ -57,12 +57,28 @@ def _opened(path: Path, head: bytes) -> Iterator[Any]:
         raise RecordingError(
             f"cannot be read as a ROS bag: {error}",
             where=str(path),
-            hint="`ros2 bag reindex` or `rosbag reindex` may mend it.",
+            hint="`ros2 bag reindex` or `rosbag reindex` may repair it.",
         ) from None
 
 
 def topics(path: Path, head: bytes) -> dict[str, int]:
-    """Messages of type VelodyneScan by topic."""
+    """Count the messages of type VelodyneScan by topic.
+
+    Parameters
+    ----------
+    path : Path
+    head : bytes
+        First bytes of the file; empty for the folder of a ROS 2 bag.
+
+    Returns
+    -------
+    dict of str to int
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
     with _opened(path, head) as reader:
         found: dict[str, int] = {}
         for connection in reader.connections:
@@ -72,7 +88,27 @@ def topics(path: Path, head: bytes) -> dict[str, int]:
 
 
 def chunks(path: Path, head: bytes, topic: str, ledger: Ledger) -> Iterator[Chunk]:
-    """Sound packets of a topic, a message at a time; positions count the bytes of all messages."""
+    """Read the valid packets of a topic, a message at a time.
+
+    Parameters
+    ----------
+    path : Path
+    head : bytes
+        First bytes of the file; empty for the folder of a ROS 2 bag.
+    topic : str
+    ledger : Ledger
+        Receives the bytes of all messages.
+
+    Yields
+    ------
+    Chunk
+        Its offsets count the bytes of all messages before it.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
     position = 0
     ros1 = head.startswith(b"#ROSBAG")
     with _opened(path, head) as reader:
@@ -130,4 +166,4 @@ def _packets(
     sizes[-1] -= at + whole * stride - used
     payloads = rows[:, _STAMP_BYTES : _STAMP_BYTES + PAYLOAD_BYTES]
     end = position + len(message)
-    yield enter_sound(Chunk(payloads, offsets, sizes, end, times), ledger)
+    yield keep_valid(Chunk(payloads, offsets, sizes, end, times), ledger)

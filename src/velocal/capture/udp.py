@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from velocal.capture.chunk import Chunk
 from velocal.capture.ledger import Ledger
-from velocal.packets.data import PAYLOAD_BYTES, sound
+from velocal.packets.data import PAYLOAD_BYTES, check_payloads
 
 #: Ethernet, IPv4 and UDP headers before the payload.
 HEADER_BYTES = 42
 POSITION_PAYLOAD_BYTES = 512
 #: Where the NMEA sentence begins in a position packet (VLP-16 manual).
 SENTENCE_AT = 206
-#: Datagrams of which some fragments are waited for at a time.
+#: Largest number of incomplete datagrams whose further fragments are waited for.
 PENDING = 64
 
 _IPV4 = 0x0800
@@ -68,7 +68,7 @@ class Frames:
 
 @dataclass
 class _Fragments:
-    """What came of one datagram."""
+    """Fragments of one datagram that have come so far."""
 
     parts: dict[int, bytes] = field(default_factory=dict)
     total: int | None = None
@@ -77,22 +77,46 @@ class _Fragments:
     offset: int = 0
 
 
-def enter_sound(
-    chunk: Chunk, ledger: Ledger, judged: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+def keep_valid(
+    chunk: Chunk, ledger: Ledger, checked: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
 ) -> Chunk:
-    """Packets of a chunk that are sound; the others go into the ledger."""
-    known, turn = judged or sound(chunk.payloads)
-    good = known & turn
-    if good.all():
+    """Keep the valid packets of a chunk; the others are entered in the ledger.
+
+    Parameters
+    ----------
+    chunk : Chunk
+    ledger : Ledger
+    checked : (ndarray of bool, ndarray of bool), optional
+        Result of `check_payloads`, where it is known already.
+
+    Returns
+    -------
+    Chunk
+    """
+    flags_known, azimuths_valid = checked or check_payloads(chunk.payloads)
+    valid = flags_known & azimuths_valid
+    if valid.all():
         return chunk
-    beyond = known & ~turn
-    ledger.reject("unknown block flag", int((~known).sum()), int(chunk.sizes[~known].sum()))
+    beyond = flags_known & ~azimuths_valid
+    unknown = ~flags_known
+    ledger.reject("unknown block flag", int(unknown.sum()), int(chunk.sizes[unknown].sum()))
     ledger.reject("azimuth beyond one turn", int(beyond.sum()), int(chunk.sizes[beyond].sum()))
-    return chunk.take(good)
+    return chunk.select(valid)
 
 
 def sender_of(head: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Sender as a number, of source address and destination port in six bytes, shape (n, 6)."""
+    """Make one number of the sender of every packet.
+
+    Parameters
+    ----------
+    head : ndarray of uint8, shape (n, 6)
+        Source address and destination port, as in the headers.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        `65536 * address + port`.
+    """
     wide = np.zeros((len(head), 8), dtype=np.uint8)
     wide[:, 2:] = head
     return wide.view(">i8")[:, 0].astype(np.int64)
@@ -109,8 +133,8 @@ class Datagrams:
         self._ledger = ledger
         self._pending: dict[bytes, _Fragments] = {}
 
-    def take(self, frames: Frames, base: int, end: int) -> Chunk:
-        """Sound data packets among frames; all others are entered in the ledger.
+    def payloads(self, frames: Frames, base: int, end: int) -> Chunk:
+        """Find the valid data packets among frames; all others are entered in the ledger.
 
         Parameters
         ----------
@@ -119,6 +143,10 @@ class Datagrams:
             Where the stretch of the frames begins in the file.
         end : int
             Byte after the last frame.
+
+        Returns
+        -------
+        Chunk
         """
         data = np.frombuffer(frames.data, dtype=np.uint8)
         payload, sender = self._plain(frames, data)
@@ -139,10 +167,10 @@ class Datagrams:
             start[at], size[at] = parts.offset, parts.bytes
             self._ledger.assembled += 1
         found = Chunk(payloads, start, size, end, frames.time_s[rows], sender[rows])
-        return enter_sound(found, self._ledger)
+        return keep_valid(found, self._ledger)
 
     def finish(self) -> None:
-        """Give up datagrams whose fragments did not all come."""
+        """Reject the datagrams of which fragments are missing at the end of the file."""
         for parts in self._pending.values():
             self._ledger.reject("fragment without the others", parts.frames, parts.bytes)
         self._pending.clear()
@@ -150,7 +178,7 @@ class Datagrams:
     def _plain(
         self, frames: Frames, data: NDArray[np.uint8]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Payload and sender of the frames that are as a scanner sends them."""
+        """Payload and sender of the frames whose headers are as a scanner sends them."""
         payload = np.full(len(frames.start), _UNKNOWN, dtype=np.int64)
         sender = np.zeros(len(frames.start), dtype=np.int64)
         long = frames.captured >= HEADER_BYTES + POSITION_PAYLOAD_BYTES
@@ -177,6 +205,7 @@ class Datagrams:
         return payload, sender
 
     def _position(self, payload: bytes, packets: int, bytes_: int) -> None:
+        """Enter position packets; the NMEA sentence of the last one is kept."""
         self._ledger.position.add(packets, bytes_)
         text = payload[SENTENCE_AT:].split(b"\0")[0].strip()
         if text.startswith(b"$") and text.isascii():
@@ -236,7 +265,7 @@ class Datagrams:
     def _assemble(
         self, header: bytes, body: bytes, fragment: int, place: int, size: int
     ) -> tuple[bytes, _Fragments] | None:
-        """Enter a fragment; the whole datagram if it was the last to come (RFC 791)."""
+        """Keep a fragment; give the whole datagram if no other is missing (RFC 791)."""
         key = header[4:6] + header[9:10] + header[12:20]
         parts = self._pending.setdefault(key, _Fragments(offset=place))
         at = 8 * (fragment & 0x1FFF)

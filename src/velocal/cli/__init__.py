@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from velocal import __version__
-from velocal.cli import calibration, init, points, recordings, stream
+from velocal.cli import calibration, init, points, recordings
 from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
 
@@ -21,7 +21,7 @@ app = typer.Typer(
 )
 app.command()(recordings.inspect)
 app.command()(recordings.decode)
-calibration.app.command("from-recording")(stream.from_recording)
+calibration.app.command("from-recording")(recordings.from_recording)
 app.add_typer(calibration.app, name="calibration")
 app.command()(points.points)
 app.command()(init.init)
@@ -51,6 +51,7 @@ def main() -> None:
 
 
 def _show_version(wanted: bool) -> None:
+    """Print the version and end, if that is asked for."""
     if wanted:
         print(f"velocal {__version__}")
         raise typer.Exit
@@ -62,4 +63,5 @@ def _options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show version.")
     ] = False,
 ) -> None:
+    """Calibrate Velodyne laser scanners against surveyed planes."""
     pass

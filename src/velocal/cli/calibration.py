@@ -14,17 +14,22 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences
-from velocal.calibration.convert import apart as points_apart
+from velocal.calibration.convert import (
+    RANGES_M,
+    RATE_HZ,
+    convert,
+    differences,
+    max_point_distance,
+)
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import Calibration
+from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import escape
 from velocal.errors import ConfigError
 from velocal.io.storage import finite, write_csv
-from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
 
 NAMES = ", ".join(DIALECTS)
@@ -48,7 +53,9 @@ app = typer.Typer(
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .yaml .csv .json")]
 ScannerName = Annotated[
     str | None,
-    typer.Option("--scanner", help=f"{', '.join(SCANNERS)}. By number of lasers if left out."),
+    typer.Option(
+        "--scanner", help=f"{', '.join(SCANNERS)}. Chosen by the number of lasers if left out."
+    ),
 ]
 Rate = Annotated[
     float | None,
@@ -67,11 +74,11 @@ def show(
     """Print what a calibration holds, in degrees and centimetres."""
     found = _read(file, scanner)
     dialect = formats.dialect_of(found, file)
-    columns = _shown(found)
+    columns, known = _shown(found), _scanner(found, scanner)
     facts: dict[str, Any] = {
         "file": file.name,
         "lasers": len(found.parameters),
-        "scanner": _scanner(found, scanner) or "unknown",
+        "scanner": known.name if known else "unknown",
         "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
         "distance tick": f"{1000 * found.tick_m:g} mm",
         "provenance": dict(found.provenance),
@@ -100,7 +107,7 @@ def lint(
 ) -> None:
     """Look for faults: lasers missing or doubled, units, signs, values that cannot be.
 
-    Exit code 1 if there are any.
+    The exit code is 1 if there are any.
     """
     known = scanner_named(scanner, where="--scanner") if scanner else None
     faults = 0
@@ -109,7 +116,7 @@ def lint(
         for finding in findings:
             print(f"{file}: {finding.code}: {finding.text}")
         if not findings:
-            print(f"{file}: nothing odd")
+            print(f"{file}: no problems found")
         faults += len(findings)
     if faults:
         raise typer.Exit(1)
@@ -123,14 +130,16 @@ def convert_file(
     ],
     source_dialect: Annotated[
         str | None,
-        typer.Option("--from", help="Dialect of SOURCE. What it says, or manual, if left out."),
+        typer.Option(
+            "--from", help="Dialect of SOURCE. If left out: what the file says, else manual."
+        ),
     ] = None,
     target_dialect: Annotated[
         str | None,
         typer.Option(
             "--to",
             help=f"Program that will read TARGET: {NAMES}. "
-            "By suffix if left out: .xml veloview, .yaml ros, .csv paper, .json as SOURCE.",
+            "Chosen by suffix if left out: .xml veloview, .yaml ros, .csv paper, .json as SOURCE.",
         ),
     ] = None,
     scanner: ScannerName = None,
@@ -157,9 +166,9 @@ def convert_file(
             allowed="paper",
             hint="Write .json, which says what it holds.",
         )
-    name = _scanner(found, scanner)
+    known = _scanner(found, scanner)
     parameters = convert(
-        found.parameters, before, after, scanner=name, rate_hz=rate_hz, inexact=inexact
+        found.parameters, before, after, scanner=known, rate_hz=rate_hz, inexact=inexact
     )
     provenance = {
         "velocal": __version__,
@@ -169,14 +178,18 @@ def convert_file(
         **({"before": dict(found.provenance)} if found.provenance else {}),
     }
     result = replace(
-        found, parameters=parameters, dialect=after.name, scanner=name, provenance=provenance
+        found,
+        parameters=parameters,
+        dialect=after.name,
+        scanner=known.name if known else None,
+        provenance=provenance,
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
     print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
-        print(differences(found.parameters, before, parameters, after, name, rate))
+        print(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
         print("Standard deviations belong to the other dialect and were left out")
 
@@ -185,7 +198,7 @@ def convert_file(
 def diff(
     first: Annotated[Path, typer.Argument(metavar="FIRST", help="Calibration.")],
     second: Annotated[Path, typer.Argument(metavar="SECOND", help="Calibration to compare.")],
-    ranges: Annotated[str, typer.Option(help="Ranges in metres, with commas.")] = ",".join(
+    ranges: Annotated[str, typer.Option(help="Ranges in metres, separated by commas.")] = ",".join(
         f"{r:g}" for r in RANGES_M
     ),
     first_dialect: Annotated[
@@ -201,18 +214,18 @@ def diff(
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Differences of every laser.")] = None,
 ) -> None:
-    """Tell how far the points of two calibrations are apart, at chosen ranges.
+    """Show the distances between the points of two calibrations, at chosen ranges.
 
-    The same file may be given twice, with different programs: that is what the choice of the
-    program costs. Without dialects, the numbers are taken for what the files say they are.
+    The same file may be given twice, with different programs: the distances are then what the
+    choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
     at = _ranges(ranges)
     a, b = _read(first, scanner), _read(second, scanner)
     one = _dialect(a, first, first_dialect, "--first")
     other = _dialect(b, second, second_dialect, "--second")
-    name = _scanner(a, scanner)
-    apart = points_apart(
-        (one, a.parameters), (other, b.parameters), at, scanner=name, rate_hz=rate_hz or RATE_HZ
+    known = _scanner(a, scanner)
+    apart = max_point_distance(
+        (one, a.parameters), (other, b.parameters), at, scanner=known, rate_hz=rate_hz or RATE_HZ
     )
     labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
     table = Table("range", "median", "95 %", "largest", "of laser", title=" against ".join(labels))
@@ -225,7 +238,7 @@ def diff(
     console = Console(highlight=False)
     console.print(table)
     note = "per laser the largest over all azimuths" + (
-        f"; azimuths within a firing of the {name} at {rate_hz:g} Hz" if name else ""
+        f"; azimuths within a firing of the {known.name} at {rate_hz:g} Hz" if known else ""
     )
     console.print(f"{note[0].upper()}{note[1:]}.")
     if picture or csv:
@@ -239,18 +252,18 @@ def diff(
             save(figure, picture.with_suffix(".svg"), picture.with_suffix(".png"))
 
 
-def _read(file: Path, scanner: str | None) -> Calibration:
+def _read(file: Path, scanner: str | None) -> CalibrationFile:
     n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
     return formats.read_calibration(file, n_lasers)
 
 
-def _dialect(found: Calibration, file: Path, named: str | None, where: str) -> Dialect:
+def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
     return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
 
 
-def _scanner(found: Calibration, named: str | None) -> str | None:
+def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
     name = named or found.scanner or BY_LASERS.get(len(found.parameters))
-    return name if name in SCANNERS else None
+    return SCANNERS.get(name) if name else None
 
 
 def _ranges(text: str) -> tuple[float, ...]:
@@ -265,7 +278,7 @@ def _ranges(text: str) -> tuple[float, ...]:
     return found
 
 
-def _shown(found: Calibration) -> dict[str, Any]:
+def _shown(found: CalibrationFile) -> dict[str, Any]:
     """Columns in the units of users, deviations beside their parameter."""
     units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / np.pi)}
     columns: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""What commands share: consoles, progress, arguments that many take."""
+"""What commands share: the console of errors, progress bars, arguments and options."""
 
 from __future__ import annotations
 
@@ -18,16 +18,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from velocal.capture.reading import Choice
-from velocal.errors import ConfigError
-from velocal.packets.data import CHOICES
-from velocal.recording.identify import candidates, check_scanner
-from velocal.recording.scan import Inspection, inspect
-from velocal.scanner.models import SCANNERS, Scanner, scanner_named
+from velocal.recording.recording import Recording, open_recording
+from velocal.scanner.models import SCANNERS, scanner_named
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
-Recording = Annotated[
+File = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
@@ -44,41 +40,38 @@ Address = Annotated[
 ]
 ScannerName = Annotated[
     str | None,
-    typer.Option("--scanner", help=f"What made it: {', '.join(SCANNERS)}. Found if left out."),
+    typer.Option(
+        "--scanner", help=f"Scanner: {', '.join(SCANNERS)}. Identified by its packets if left out."
+    ),
 ]
 
 
 Returns = Annotated[
     str,
-    typer.Option("--return", help="Of shots with two returns: both, strongest or last."),
+    typer.Option("--return", help="Where a shot has two returns: both, strongest or last."),
 ]
 
 
-def check_returns(returns: str) -> None:
-    """Check the choice of returns.
-
-    Raises
-    ------
-    ConfigError
-        If it is unknown.
-    """
-    if returns not in CHOICES:
-        raise ConfigError(
-            f"unknown return {returns!r}",
-            where="--return",
-            allowed=", ".join(CHOICES),
-            hint="It matters only where a scanner was set to dual return.",
-        )
-
-
 def escape(text: str) -> str:
-    """Text that the console shows as it is."""
+    """Protect a text from being read as markup of the console."""
     return text.replace("[", r"\[")
 
 
 @contextmanager
 def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
-    """Progress bar on the terminal's error stream; nothing where that is not a terminal."""
+    """Show a progress bar on the error stream, if that is a terminal.
+
+    Parameters
+    ----------
+    what : str
+        Text before the bar.
+
+    Yields
+    ------
+    bar : Progress
+    task : TaskID
+        To be updated by the caller.
+    """
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -92,24 +85,15 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
-def scan(file: Path, choice: Choice) -> Inspection:
-    """Scan a recording, with progress."""
+def scanned(
+    file: Path, scanner: str | None = None, port: int | None = None, address: str | None = None
+) -> Recording:
+    """Open a recording and scan it, with progress.
+
+    Parameters and errors are those of `open_recording` and of `Recording.scan`.
+    """
+    stated = None if scanner is None else scanner_named(scanner, where="--scanner")
+    recording = open_recording(file, stated, port, address)
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
-        return inspect(
-            file, lambda done, total: bar.update(task, completed=done, total=total), choice
-        )
-
-
-def scanner_of(inspection: Inspection, name: str | None, file: Path) -> tuple[Scanner, list[str]]:
-    """The scanner that was named, checked, or the one that fits best."""
-    if name is not None:
-        scanner = scanner_named(name, where="--scanner")
-        return scanner, check_scanner(inspection, scanner, str(file))
-    fits = candidates(inspection)
-    if not fits:
-        raise ConfigError(
-            "flags and packet rate fit no known scanner",
-            where=str(file),
-            hint="Name it with --scanner.",
-        )
-    return fits[0], check_scanner(inspection, fits[0], str(file))
+        recording.scan(lambda done, total: bar.update(task, completed=done, total=total))
+    return recording

@@ -30,9 +30,7 @@ def init(
     known = scanner_named(scanner, where="--scanner")
     for path in write_study(folder, known, positions, checkout / "workflow/Snakefile"):
         print(f"wrote {path}")
-    factory = (
-        f", the factory's calibration as {folder / FACTORY}" if known.ships_with_calibration else ""
-    )
+    factory = f", the factory's calibration as {folder / FACTORY}" if known.has_factory_file else ""
     print(
         f"""
 Next:

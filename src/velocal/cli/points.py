@@ -1,4 +1,4 @@
-"""Apply a calibration to a recording: files of points."""
+"""Command that applies a calibration to a recording and writes its points."""
 
 from __future__ import annotations
 
@@ -10,23 +10,21 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.capture.reading import Choice
 from velocal.cli.common import (
     Address,
+    File,
     Port,
-    Recording,
     Returns,
     ScannerName,
-    check_returns,
     escape,
     progress,
-    scan,
-    scanner_of,
+    scanned,
 )
 from velocal.errors import ConfigError
+from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
-from velocal.recording.scan import Inspection
+from velocal.recording.inspection import Inspection
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -35,7 +33,7 @@ PICTURE_ROTATIONS = 3
 
 
 def points(
-    file: Recording,
+    file: File,
     output: Annotated[
         Path, typer.Option("--output", "-o", help=f"File to write: {', '.join(FORMATS)}.")
     ],
@@ -56,19 +54,23 @@ def points(
     address: Address = None,
     returns: Returns = "strongest",
     rotations: Annotated[
-        str, typer.Option(help="A:B, from rotation A up to but without B, as in Python.")
+        str, typer.Option(help="Rotations A:B, from A up to B - 1, as in Python.")
     ] = ":",
-    every: Annotated[int, typer.Option(min=1, help="Only every so many-th of them.")] = 1,
-    min_range: Annotated[float, typer.Option(min=0.0, help="Nearest points, metres.")] = 0.0,
-    max_range: Annotated[float, typer.Option(min=0.0, help="Farthest points, metres.")] = np.inf,
+    every: Annotated[int, typer.Option(min=1, help="Use every N-th rotation.")] = 1,
+    min_range: Annotated[
+        float, typer.Option(min=0.0, help="Leave out nearer points, metres.")
+    ] = 0.0,
+    max_range: Annotated[
+        float, typer.Option(min=0.0, help="Leave out farther points, metres.")
+    ] = np.inf,
     frame: Annotated[
-        str, typer.Option(help="velocal: Y forward, X right; ros: X forward, Y left.")
+        str, typer.Option(help="Axes. velocal: Y forward, X right; ros: X forward, Y left.")
     ] = "velocal",
 ) -> None:
     """Write the points of a recording with a calibration: PLY, PCD, LAS, LAZ or Parquet.
 
-    Every point has its laser, rotation, time and intensity. Rotations count from 0; the first and
-    the last are usually cut.
+    Every point has its laser, rotation, time and intensity. Rotations are numbered from 0. The
+    recording usually cuts the first and the last one.
     """
     if frame not in FRAMES:
         raise ConfigError(f"unknown frame {frame!r}", where="--frame", allowed=", ".join(FRAMES))
@@ -79,10 +81,9 @@ def points(
             allowed="a .png, together with --before",
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
-    check_returns(returns)
-    choice = Choice(port, address)
-    inspection = scan(file, choice)
-    known, _ = scanner_of(inspection, scanner, file)
+    check_choice(returns, "--return")
+    recording = scanned(file, scanner, port, address)
+    inspection, known = recording.scan(), recording.scanner
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
         known,
@@ -92,7 +93,7 @@ def points(
         max_range,
         frame,
         returns,
-        choice,
+        recording.source,
     )
     facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
     total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())
@@ -115,11 +116,18 @@ def points(
 
 
 def _calibration(name: str, scanner: Scanner) -> LaserParameters:
+    """Parameters of a calibration file, or the nominal ones."""
     return formats.read_or_nominal(None if name == "nominal" else Path(name), scanner)
 
 
 def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:
-    """Rotations of A:B."""
+    """Numbers of the rotations A:B.
+
+    Raises
+    ------
+    ConfigError
+        If that is not a range, or no rotation lies in it.
+    """
     first, colon, last = rotations.partition(":")
     try:
         if not colon:
@@ -127,7 +135,7 @@ def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:
         part = slice(int(first) if first else None, int(last) if last else None, every)
     except ValueError:
         raise ConfigError(
-            f"{rotations!r} is no range", where="--rotations", allowed="A:B, A:, :B or :"
+            f"{rotations!r} is not a range", where="--rotations", allowed="A:B, A:, :B or :"
         ) from None
     chosen = np.arange(n)[part]
     if not len(chosen):
@@ -145,13 +153,14 @@ def _draw(
     names: tuple[str, str],
     picture: Path,
 ) -> None:
+    """Draw the points of the first few rotations before and after."""
     from velocal.points.picture import before_and_after
     from velocal.reporting.figures.lasers import save  # matplotlib takes a second to load
 
     assert settings.before is not None
     some = chosen[:PICTURE_ROTATIONS]
     figure = before_and_after(
-        *raw_returns(file, inspection, some, settings),
+        raw_returns(file, inspection, some, settings),
         (settings.before, settings.parameters),
         [Path(name).name for name in names],
         f"{file.name}, {settings.scanner.name}, {len(some)} rotations",

@@ -1,4 +1,4 @@
-"""Look at recordings and decode them."""
+"""Commands that look at recordings, decode them, and take out their embedded calibration."""
 
 from __future__ import annotations
 
@@ -9,42 +9,39 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal.capture.reading import Choice
-from velocal.cli import stream
+from velocal.calibration.files import formats
 from velocal.cli.common import (
     Address,
+    File,
     Port,
-    Recording,
     Returns,
     ScannerName,
-    check_returns,
     escape,
     progress,
-    scan,
-    scanner_of,
+    scanned,
 )
 from velocal.errors import ConfigError
+from velocal.packets.dual import check_choice
+from velocal.recording.identify import candidates
+from velocal.recording.inspection import Inspection
+from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
-from velocal.recording.scan import Inspection
-from velocal.recording.windows import window_rotations
 
 
 def inspect(
-    file: Recording,
+    file: File,
     scanner: ScannerName = None,
     port: Port = None,
     address: Address = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
-    """Tell what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    inspection = scan(file, Choice(port, address))
-    try:
-        known, remarks = scanner_of(inspection, scanner, file)
-        name = known.name
-    except ConfigError as error:
-        if scanner is not None:
-            raise
-        name, remarks = "unknown", [error.what]
+    """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
+    recording = scanned(file, scanner, port, address)
+    inspection = recording.scan()
+    if scanner is None and not candidates(inspection):
+        name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
+    else:
+        name, remarks = recording.scanner.name, recording.remarks
     facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
     if as_json:
         import json
@@ -57,34 +54,21 @@ def inspect(
 
 
 def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> None:
-    facts, ledger = inspection.as_dict(), inspection.ledger
+    """Print facts, remarks and the ledger as tables."""
+    ledger = inspection.ledger
     console = Console(highlight=False)
     top = Table(show_header=False, box=None, pad_edge=False)
-    index = inspection.index
-    rows = {
-        "scanner": scanner,
-        "framing": ledger.framing,
-        "sent from": ", ".join(f"{name} ({n})" for name, n in ledger.senders.items()) or "unknown",
-        "duration": f"{inspection.duration_s:.3f} s ({inspection.clock} clock)",
-        "rotations": f"{len(index)}, {int(index.complete.sum())} complete",
-        "rotation rate": f"{index.rate_hz():.3f} Hz",
-        "packet rate": f"{facts['packet_rate_hz']:.1f} Hz",
-        "azimuth step": f"{facts['azimuth_step_deg']:.2f} deg, "
-        f"in multiples of {facts['azimuth_resolution_deg']:.2f} deg",
-        "blocks": ", ".join(f"{count} {side}" for side, count in inspection.block_counts.items()),
-        "returns": facts["returns"],
-        "gaps": f"{inspection.gaps}, about {inspection.packets_missing} packets missing",
-        "product byte": facts["product"] or "none",
-        **stream.rows(inspection.status),
-    }
-    for key, value in rows.items():
-        top.add_row(f"[bold]{key}[/]", value)
+    senders = ", ".join(f"{name} ({n})" for name, n in ledger.senders.items())
+    rows = {"scanner": scanner, "framing": ledger.framing, "sent from": senders or "unknown"}
+    rows |= {fact.label: fact.text for fact in inspection.facts() if fact.label}
     if ledger.reordered:
-        top.add_row("[bold]put in order[/]", f"{ledger.reordered} packets that had come late")
+        rows["put in order"] = f"{ledger.reordered} packets that had come late"
     if ledger.assembled:
-        top.add_row("[bold]assembled[/]", f"{ledger.assembled} packets from IP fragments")
+        rows["assembled"] = f"{ledger.assembled} packets from IP fragments"
     if ledger.nmea:
-        top.add_row("[bold]NMEA[/]", escape(ledger.nmea))
+        rows["NMEA"] = ledger.nmea
+    for label, text in rows.items():
+        top.add_row(f"[bold]{label}[/]", escape(text))
     for remark in remarks:
         top.add_row("[bold yellow]remark[/]", escape(remark))
     console.print(top)
@@ -103,7 +87,7 @@ def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> No
 
 
 def decode(
-    file: Recording,
+    file: File,
     output: Annotated[Path, typer.Option("--output", "-o", help="Parquet file to write.")],
     scanner: ScannerName = None,
     window: Annotated[
@@ -115,16 +99,14 @@ def decode(
     returns: Returns = "both",
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
-    if window not in ("all", "beginning", "middle", "end"):
+    if window not in WINDOWS:
         raise ConfigError(
-            f"unknown window {window!r}", where="--window", allowed="all, beginning, middle, end"
+            f"unknown window {window!r}", where="--window", allowed=", ".join(WINDOWS)
         )
-    check_returns(returns)
-    choice = Choice(port, address)
-    inspection = scan(file, choice)
-    known, _ = scanner_of(inspection, scanner, file)
-    chosen = window_rotations(inspection.index, window, rotations, str(file))
-    index = inspection.index
+    check_choice(returns, "--return")
+    recording = scanned(file, scanner, port, address)
+    known, index = recording.scanner, recording.rotations
+    chosen = recording.select(window, rotations)
     total = int(index.packet[chosen[-1] + 1] - index.packet[chosen[0]])
     with progress(f"Decoding {escape(file.name)}") as (bar, task):
         rows = write_returns(
@@ -135,6 +117,20 @@ def decode(
             output,
             lambda done: bar.update(task, completed=done, total=total),
             returns=returns,
-            choice=choice,
+            source=recording.source,
         )
     print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
+
+
+def from_recording(
+    file: File,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Calibration to write: .xml .yaml .csv .json")
+    ],
+    port: Port = None,
+    address: Address = None,
+) -> None:
+    """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
+    status = scanned(file, port=port, address=address).status
+    formats.write(output, status.calibration(str(file)))
+    print(f"{output}: {status.tables_text}")

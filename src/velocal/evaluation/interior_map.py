@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
-from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets, common
@@ -83,14 +83,13 @@ def rows(
         Columns of `schemas.MAP`.
     """
     came_back = returns["distance"] > 0
-    laser = returns["laser_id"][came_back]
-    phi = angle_from_ticks(
-        returns["azimuth"][came_back], laser, scanner, 2.0 * np.pi * rotation_rate_hz
-    )
-    distance = distance_from_ticks(returns["distance"][came_back], scanner.distance_tick_m)
-    columns: dict[str, NDArray[Any]] = {"position": np.full(len(laser), number), "laser_id": laser}
+    beams = Beams.from_ticks(returns, scanner, rotation_rate_hz)[came_back]
+    columns: dict[str, NDArray[Any]] = {
+        "position": np.full(len(beams), number),
+        "laser_id": beams.laser_id,
+    }
     for state, parameters in zip(STATES, calibrations, strict=True):
-        xyz = pose.apply(points(distance, phi, laser, parameters))
+        xyz = pose.apply(beams.points(parameters))
         columns |= {f"{axis}_{state}_m": xyz[:, i] for i, axis in enumerate("xyz")}
     return columns
 

@@ -14,9 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.average import average
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.joint import adjust_joint
-from velocal.adjustment.lasers import Observations, adjust_all, joined, split
+from velocal.adjustment.lasers import Observations, adjust_all, joined
+from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.robust import Robust
 from velocal.adjustment.solvers import (
     GaussHelmert,
@@ -26,7 +27,6 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.adjustment.tabulate import Corrections
 from velocal.errors import VelocalError
 from velocal.evaluation.statistics import laser_statistics
 from velocal.scanner.parameters import LaserParameters
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5
-#: Standard deviation of a range scale, which only decides what is held where none is configured.
+#: Standard deviation of a range scale where none is configured. It only decides on the rank.
 SCALE_STD = 1e-3
 #: Linearisations after which an adjustment has not converged.
 MAX_ITERATIONS = 30
@@ -111,12 +111,12 @@ ARMS = (
     Arm(
         PRINTED, "the paper as printed", _PAPER,
         "pseudo-inverse at machine precision, walls only",
-        solver=PaperModel(None), planes="walls",
+        solver=PaperModel(truncate_at=None), planes="walls",
     ),
     Arm(
         "paper_truncated", "the paper, truncated", _PAPER + ", velocal",
         "directions are held that the prior knows better, walls only",
-        solver=PaperModel(1.0), planes="walls",
+        solver=PaperModel(truncate_at=1.0), planes="walls",
     ),
     Arm(
         "prior_walls", "with prior, walls only", _OURS,
@@ -128,7 +128,7 @@ ARMS = (
     ),
     Arm(
         "huber", "with prior, robust", _OURS,
-        "the same with Huber's weights", solver=Robust(WithPrior(), "huber"),
+        "the same with Huber's weights", solver=Robust(base=WithPrior(), kind="huber"),
     ),
     Arm(
         "prior_joint", "with prior, positions jointly", _OURS,
@@ -221,13 +221,16 @@ def run_arm(
             data = replace(data, station=of_part[data.station_number])
             windows.append(_adjusted(arm, data, factory, stochastic))
         samples = [windows]
-    tables = [[_corrections(arm, x, seen) for x, seen, _ in windows] for windows in samples]
-    means = average(tables)
-    parameters, scale = split(
-        np.column_stack([means[name].mean for name in arm.parameters]), arm.parameters, factory
+    mean = average(
+        [
+            # Only positions of noise would matter, and there are no covariances here.
+            Member(str(number), "", CalibrationSet(arm.parameters, factory, x, seen))
+            for number, windows in enumerate(samples)
+            for x, seen, _ in windows
+        ]
     )
     failed = [~converged & seen for windows in samples for _, seen, converged in windows]
-    return Estimate(parameters, scale, int(np.any(failed, axis=0).sum()))
+    return Estimate(mean.adjusted, mean.range_scale, int(np.any(failed, axis=0).sum()))
 
 
 def _adjusted(
@@ -254,13 +257,6 @@ def _adjusted(
         seen,
         np.array([result.converged for result in results]),
     )
-
-
-def _corrections(arm: Arm, x: Array, seen: NDArray[np.bool_]) -> Corrections:
-    """As the averaging takes them; the plain mean needs no standard deviations."""
-    value = dict(zip(arm.parameters, x.T, strict=True))
-    unknown = {name: np.zeros(len(x)) for name in arm.parameters}
-    return Corrections(value, unknown, unknown, seen)
 
 
 def _of_walls(data: Observations) -> NDArray[np.bool_]:

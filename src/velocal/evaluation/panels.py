@@ -18,6 +18,7 @@ from velocal.errors import SurveyError, VelocalError
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search, fit_robustly, patch_points
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
+from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box, Panel, PanelFit
 
@@ -130,7 +131,7 @@ def panel_rows(
         chosen = plane.rows
         laser_id = cloud.laser_id[chosen]
         for name, parameters in candidates.items():
-            seen = Cloud.of(cloud.distance_m[chosen], cloud.phi[chosen], laser_id, parameters)
+            seen = Cloud.from_beams(cloud[chosen], parameters)
             fitted = fit_plane(seen.xyz).plane
             s = seen.s(np.arange(len(chosen)), fitted)
             lasers = laser_statistics(s, laser_id, len(parameters), 1.0)
@@ -231,7 +232,10 @@ def means(samples: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def facts(of_kinds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Means as single numbers, ``item`` and ``value``: outdoor_real_after_32 and its like."""
     return [
-        {"item": f"outdoor_{row['kind']}_{when}_{row['scanner'][4:6]}", "value": row[f"{when}_cm"]}
+        {
+            "item": f"outdoor_{row['kind']}_{when}_{scanner_named(row['scanner']).short_name}",
+            "value": row[f"{when}_cm"],
+        }
         for row in of_kinds
         for when in ("before", "after")
     ]

@@ -7,7 +7,7 @@ what is looked for, stay in. `field_search` finds planes where nobody says where
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,7 @@ from velocal.adjustment.functional import misclosure
 from velocal.errors import SurveyError
 from velocal.evaluation.statistics import statistics_table, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
-from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, laser_beams
-from velocal.scanner.models import DISTANCE_TICK_M, Scanner
+from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box, PlaneSearch
 
@@ -38,63 +37,30 @@ MIN_SPREAD_COUNT = 5
 
 
 @dataclass(frozen=True)
-class Cloud:
+class Cloud(Beams):
     """Returns, or medians of them, with the points that a calibration gives.
 
     Attributes
     ----------
-    distance_m, phi : ndarray, shape (n,)
-        Raw distance, metres; rotational angle, radians.
-    laser_id : ndarray of int, shape (n,)
-        Laser of each.
     parameters : LaserParameters
         Calibration.
     xyz, direction : ndarray, shape (n, 3)
         Points, metres, and unit directions of their beams, scanner frame.
-    tick_m : float
-        One tick of the raw distance, metres.
     """
 
-    distance_m: Array
-    phi: Array
-    laser_id: NDArray[np.integer]
     parameters: LaserParameters
     xyz: Array
     direction: Array
-    tick_m: float = DISTANCE_TICK_M
 
     @classmethod
-    def of(
-        cls,
-        distance_m: Array,
-        phi: Array,
-        laser_id: NDArray[np.integer],
-        parameters: LaserParameters,
-    ) -> Cloud:
-        """Compute the points of returns."""
-        direction, origin = laser_beams(phi, laser_id, parameters)
-        length = distance_m + parameters.dl[laser_id]
+    def from_beams(cls, beams: Beams, parameters: LaserParameters) -> Cloud:
+        """Compute the points of returns, or of medians."""
+        direction, origin = laser_beams(beams.phi, beams.laser_id, parameters)
+        length = beams.distance_m + parameters.dl[beams.laser_id]
         xyz = length[:, None] * direction + origin
-        return cls(distance_m, phi, laser_id, parameters, xyz, direction)
-
-    @classmethod
-    def of_medians(
-        cls,
-        medians: Mapping[str, NDArray[Any]],
-        scanner: Scanner,
-        rotation_rate_hz: float,
-        parameters: LaserParameters,
-    ) -> Cloud:
-        """Compute the points of medians, or of returns that are not empty.
-
-        Columns ``laser_id``, ``azimuth``, ``distance``.
-        """
-        laser_id = medians["laser_id"]
-        rate = 2.0 * np.pi * rotation_rate_hz
-        phi = angle_from_ticks(medians["azimuth"], laser_id, scanner, rate)
-        distance_m = distance_from_ticks(medians["distance"], scanner.distance_tick_m)
-        cloud = cls.of(distance_m, phi, laser_id, parameters)
-        return replace(cloud, tick_m=scanner.distance_tick_m)
+        return cls(
+            beams.distance_m, beams.phi, beams.laser_id, beams.tick_m, parameters, xyz, direction
+        )
 
     def s(self, rows: Rows, plane: Plane) -> Array:
         """Residuals of rows along their beams, metres; equation (5)."""

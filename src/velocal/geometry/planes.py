@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,27 @@ class Plane:
     covariance: Array
 
     def distance(self, points: Array) -> Array:
-        """Signed orthogonal distance of points, shape (..., 3); the paper's D, equation (4)."""
+        """Signed orthogonal distance of points from the plane; the paper's D, equation (4).
+
+        Parameters
+        ----------
+        points : ndarray, shape (..., 3)
+            Metres, in the frame of the plane.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Metres; positive on the side to which the normal points.
+        """
         return points @ self.normal + self.offset
 
     def general_form(self) -> Array:
         """Coefficients (a, b, c) of the paper's aX + bY + cZ + 1 = 0, for reports only.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            a, b and c, per metre.
 
         Raises
         ------
@@ -87,8 +102,13 @@ def fit_plane(points: Array, std: Array | None = None, covariance: Array | None 
         Isotropic standard deviation of every point, metres; equal and estimated from the
         residuals if omitted.
     covariance : ndarray, shape (3 n, 3 n), optional
-        Of the coordinates of all points, from which that of the plane follows; weights are those
-        of `std`, which knows nothing of what the points have in common.
+        Of the coordinates of all points, from which that of the plane follows; the weights
+        are those of `std`, without the correlations between points.
+
+    Returns
+    -------
+    PlaneFit
+        Its covariance follows from `covariance`, from `std`, or else from the residuals.
 
     Raises
     ------
@@ -117,10 +137,10 @@ def fit_plane(points: Array, std: Array | None = None, covariance: Array | None 
     design = np.column_stack([centred @ tangent, np.ones(len(points))])
     cofactor = np.linalg.inv((design * weight[:, None]).T @ design)
     if covariance is not None:
-        gain = cofactor @ (design * weight[:, None]).T
+        influence = cofactor @ (design * weight[:, None]).T
         blocks = covariance.reshape(len(points), 3, len(points), 3)
         across = np.einsum("i,aibj,j->ab", normal, blocks, normal, optimize=True)
-        cofactor, scale = gain @ across @ gain.T, 1.0
+        cofactor, scale = influence @ across @ influence.T, 1.0
     spread = np.zeros((4, 3))
     spread[:3, :2] = tangent
     spread[3, :2] = -centre @ tangent
@@ -147,7 +167,19 @@ class Patch:
     corners: Array
 
     def contains(self, points: Array, margin_m: float = 0.0) -> NDArray[np.bool_]:
-        """Tell which points, shape (n, 3), project into the hull, `margin_m` inside its edge."""
+        """Tell which points lie above or below the hull, seen along the normal.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+            Metres, in the frame of the patch.
+        margin_m : float
+            Points must lie this far inside the edge of the hull.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
         inside = np.ones(len(points), dtype=bool)
         centre = self.corners.mean(axis=0)
         for start, end in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
@@ -160,7 +192,19 @@ class Patch:
 
 
 def hull_patch(name: str, fit: PlaneFit, points: Array) -> Patch:
-    """Bound a fitted plane by the convex hull of points, shape (n, 3).
+    """Bound a fitted plane by the convex hull of points.
+
+    Parameters
+    ----------
+    name : str
+        Name of the wall or floor.
+    fit : PlaneFit
+    points : ndarray, shape (n, 3)
+        Metres; they are projected onto the plane.
+
+    Returns
+    -------
+    Patch
 
     Raises
     ------

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -32,18 +30,41 @@ class RigidTransformation:
     covariance: Array
 
     def apply(self, points: Array) -> Array:
-        """Transform points, shape (..., 3), from the source to the target frame."""
+        """Transform points from the source to the target frame.
+
+        Parameters
+        ----------
+        points : ndarray, shape (..., 3)
+            Metres, source frame.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+            Metres, target frame.
+        """
         return points @ self.rotation.T + self.translation
 
     def plane_matrix(self) -> Array:
-        """Matrix (4, 4) that takes normal and offset of a plane to the target frame."""
+        """Matrix that takes normal and offset of a plane to the target frame.
+
+        Returns
+        -------
+        ndarray, shape (4, 4)
+            To be multiplied by (normal, offset) of the plane in the source frame.
+        """
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
         matrix[3, :3] = -self.translation @ self.rotation
         return matrix
 
     def inverse(self) -> RigidTransformation:
-        """Return the transformation from target to source, covariance propagated."""
+        """Return the transformation from target to source, covariance propagated.
+
+        Returns
+        -------
+        RigidTransformation
+            ``T_source_target``.
+        """
         rotation = self.rotation.T
         # exp([w]x) R inverted is R' exp(-[w]x): the rotation vector turns to -R' w; the
         # translation -R' exp(-[w]x)(t + dt) changes by -R' dt - R' [t]x w.
@@ -83,13 +104,33 @@ class RigidAdjustment:
 
 
 def skew(vector: Array) -> Array:
-    """Cross-product matrix of a 3-vector."""
+    """Cross-product matrix of a vector.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (3,)
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        ``skew(a) @ b`` is the cross product of a and b.
+    """
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotation_from_vector(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector (Rodrigues), exact for any length."""
+    """Rotation matrix of a rotation vector (Rodrigues), exact for any length.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (3,)
+        Axis times angle, radians.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -99,6 +140,17 @@ def rotation_from_vector(vector: Array) -> Array:
 
 def closed_form(source: Array, target: Array) -> tuple[Array, Array]:
     """Rotation and translation of least squared distance for equal weights (Kabsch).
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 3)
+        The same points in both frames, metres.
+
+    Returns
+    -------
+    rotation : ndarray, shape (3, 3)
+    translation : ndarray, shape (3,)
+        Metres, in the target frame.
 
     Raises
     ------
@@ -138,6 +190,8 @@ def adjust_rigid(
         The same points in both frames, metres.
     source_covariance, target_covariance : ndarray, shape (n, 3, 3) or (3n, 3n)
         Covariance of every point, or of all coordinates, square metres.
+    max_iterations : int
+        Largest number of Gauss-Newton steps.
 
     Returns
     -------
@@ -182,7 +236,7 @@ def adjust_rigid(
 
 
 def _joint(covariance: Array, n: int) -> Array:
-    """Covariance of all coordinates, from that of every point where it is no more."""
+    """Expand covariances of single points to that of all coordinates; leave a full one as it is."""
     if covariance.ndim == 2:
         return covariance
     joint = np.zeros((n, 3, n, 3))

@@ -11,7 +11,7 @@ import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from velocal.errors import ScriptError, reported
 
@@ -139,9 +139,9 @@ def convert(value: Any, type_: Any, where: str) -> Any:
     value : object
         Path or paths as text, text of a wildcard, or any value of a param.
     type_ : type
-        ``Path``, ``str``, ``int``, ``float``, ``bool``, ``Any``; a class with the class method
-        ``model_validate``; a list, tuple, sequence or mapping of these; each of them ``| None``,
-        where no file (an empty list) is None too.
+        ``Path``, ``str``, ``int``, ``float``, ``bool``, ``Any``; a ``Literal``; a class with the
+        class method ``model_validate``; a list, tuple, sequence or mapping of
+        these; each of them ``| None``, where no file (an empty list) is None too.
     where : str
         Argument, for errors.
 
@@ -156,6 +156,10 @@ def convert(value: Any, type_: Any, where: str) -> Any:
     """
     origin, inner = get_origin(type_), get_args(type_)
     if type_ is Any:
+        return value
+    if origin is Literal:
+        if value not in inner:
+            raise _misfit(value, ", ".join(map(str, inner)), where)
         return value
     if origin in (Union, UnionType):
         known = [each for each in inner if each is not NoneType]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -45,10 +46,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
+    """Numbers of an array, for facts, in which NaN is kept."""
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
@@ -57,19 +57,35 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     write_text(path, json.dumps(finite(content), indent=1, allow_nan=False) + "\n")
 
 
-def finite(content: Mapping[str, Any]) -> Any:
-    """Plain numbers, lists and mappings for JSON, which has no NaN: it becomes null."""
+def finite(value: Any) -> Any:
+    """Turn a value into what JSON can hold.
 
-    def clean(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: clean(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return [clean(item) for item in value]
-        if isinstance(value, float) and not np.isfinite(value):
-            return None
+    Parameters
+    ----------
+    value : mapping, sequence, array, number, str, bool or None
+        May hold others of these.
+
+    Returns
+    -------
+    dict, list, str, int, float, bool or None
+        Arrays and tuples become lists. JSON has no NaN and no infinity: they become None.
+
+    Raises
+    ------
+    TypeError
+        If something else is among the values.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return finite(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
         return value
-
-    return clean(json.loads(json.dumps(content, default=_plain)))
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
 def read_json(path: Path) -> dict[str, Any]:

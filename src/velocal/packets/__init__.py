@@ -1,1 +1,1 @@
-"""Bytes of one payload: data blocks and status bytes."""
+"""Bytes of one payload: data blocks, firings, two returns of a shot, status bytes."""

@@ -21,8 +21,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 from typing import Any
@@ -49,7 +48,7 @@ TRAILING = np.dtype([("time_us", "<u4"), ("type", "u1"), ("value", "u1")])
 _HOUR_US = 3_600_000_000
 #: Steps of the clock longer than this many usual ones: packets are missing.
 _GAP_INTERVALS = 1.5
-#: Packets after the start of a cycle by which it is judged: the cycle and the opening of the next.
+#: Packets after the start of a cycle by which it is checked: the cycle and the opening of the next.
 _LOOK_AHEAD = CYCLE + len(OPENING) - 1
 
 _HUNDREDTH_DEG, _MM = RADIANS_PER_DEGREE.scaleb(-2), Decimal("0.001")
@@ -114,8 +113,34 @@ def laser_crc(lasers: NDArray[np.void]) -> int:
 
 
 @dataclass(frozen=True)
-class StatusStream:
-    """What the trailing bytes of a recording say.
+class UnitSettings:
+    """Settings of the unit that stand in the calibration table.
+
+    Attributes
+    ----------
+    calibrated : str or None
+        Time of calibration (ISO 8601); None if it is not set.
+    rpm : int
+        Rotations per minute.
+    fov_deg : (float, float)
+        First and last azimuth of the field of view.
+    hours : int
+        Hours of operation.
+    source, destination : str
+        IPv4 addresses.
+    """
+
+    calibrated: str | None
+    rpm: int
+    fov_deg: tuple[float, float]
+    hours: int
+    source: str
+    destination: str
+
+
+@dataclass(frozen=True)
+class TrailingStatus:
+    """What the trailing bytes of a recording say: temperature, firmware, time, calibration.
 
     Attributes
     ----------
@@ -133,15 +158,17 @@ class StatusStream:
     gps_valid : bool
         Whether they come from a GPS receiver; else the clock runs free.
     tables : int
-        Sound calibration tables that agree: length, marker, laser ids, length or CRC.
+        Valid calibration tables that agree. Of a valid table, marker, laser ids, and length or
+        CRC are right.
     broken, failed, deviating : int
-        Tables with packets missing; with a wrong id, length or CRC; sound, but unlike the others.
+        Tables with packets missing; with a wrong id, length or CRC; valid ones that differ from
+        the others.
     series : str or None
         "S2" or "S3", by the form of the table.
     parameters : LaserParameters or None
-        The factory's calibration, where there is a sound table that most of them agree with.
-    unit : mapping
-        Settings in the table: time of calibration, rpm, field of view and so on.
+        The factory's calibration, if most of the valid tables agree.
+    unit : UnitSettings or None
+        Settings in the last valid table.
     """
 
     kind: str = "none"
@@ -157,33 +184,70 @@ class StatusStream:
     deviating: int = 0
     series: str | None = None
     parameters: LaserParameters | None = None
-    unit: Mapping[str, Any] = field(default_factory=dict)
+    unit: UnitSettings | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain mapping for JSON; the parameters are told as being there or not."""
+        """Plain mapping for JSON; it says whether there are parameters, without their values."""
         known = {name: getattr(self, name) for name in self.__dataclass_fields__}
         known["parameters"] = self.parameters is not None
         known["gps_time"] = self.gps_time and self.gps_time.isoformat()
-        known["unit"] = dict(self.unit)
+        known["unit"] = {} if self.unit is None else asdict(self.unit)
         return known
 
     def calibration(self, where: str) -> LaserParameters:
-        """Take the factory's calibration.
+        """Embedded calibration of the factory.
 
         Parameters
         ----------
         where : str
             The recording, for errors.
 
+        Returns
+        -------
+        LaserParameters
+
         Raises
         ------
         RecordingError
-            If there is no sound table, or tables disagree; the message says why.
+            If there is no valid table, or tables disagree; the message says why.
         """
         if self.parameters is not None:
             return self.parameters
         what, hint = self.why_not
         raise RecordingError(f"holds no usable calibration table: {what}", where=where, hint=hint)
+
+    def lines(self) -> dict[str, str]:
+        """Temperature, firmware and GPS time for people, by heading; only what is there."""
+        told = {}
+        if self.temperature_deg_c is not None:
+            first, last = self.temperature_deg_c
+            later = f", later {last:.0f}" if last != first else ""
+            told["temperature"] = f"{first:.0f} deg C{later}"
+        if self.firmware is not None:
+            told["firmware"] = self.firmware
+        if self.gps is not None:
+            time = f"{self.gps_time:%Y-%m-%d %H:%M:%S}" if self.gps_time else "no date"
+            free = "" if self.gps_valid else ", clock runs free"
+            told["GPS time"] = f"{time} (GPS: {self.gps}{free})"
+        return told
+
+    @property
+    def calibration_text(self) -> str:
+        """Whether there is an embedded calibration, for people; if not, why."""
+        if self.parameters is None:
+            return f"no: {self.why_not[0]}"
+        return f"complete, {self.tables_text}"
+
+    @property
+    def tables_text(self) -> str:
+        """Form of the table, how often it was found, and what was left out, for people."""
+        found = f"{self.series}, {self.tables} equal table{'s' if self.tables != 1 else ''}"
+        left = {
+            "with packets missing": self.broken,
+            "failed their check": self.failed,
+            "deviating": self.deviating,
+        }
+        return "; ".join([found, *(f"{count} {why}" for why, count in left.items() if count)])
 
     @property
     def why_not(self) -> tuple[str, str]:
@@ -193,7 +257,7 @@ class StatusStream:
             sent = "are text" if self.kind == "text" else "are no status bytes"
             return f"its trailing bytes {sent}", f"HDL-64E S2 (later) and S3 send it. {other}"
         if self.deviating:
-            return f"its {self.tables + self.deviating} sound tables disagree", other
+            return f"its {self.tables + self.deviating} valid tables disagree", other
         bad = f"{self.broken} of its tables lack packets, {self.failed} fail their check"
         if self.packets < TABLE_PACKETS:
             bad = f"it has {self.packets} packets, the table takes {TABLE_PACKETS}"
@@ -210,7 +274,7 @@ class StatusReader:
         self._packets = 0
         self._texts: set[bytes] = set()
         self._text_degrees: list[float] = []
-        #: Packets not judged yet, and how many came before them.
+        #: Packets that are not checked yet, and how many came before them.
         self._held = np.empty(0, dtype=TRAILING)
         self._before = 0
         self._interval_us = float("nan")
@@ -219,23 +283,23 @@ class StatusReader:
         self._chain = np.empty((0, 8), dtype=np.uint8)
         #: Packet with which the next cycle must begin to belong to them.
         self._next: int | None = None
-        self._sound: Counter[tuple[bytes, str]] = Counter()
-        self._unit: dict[str, Any] = {}
+        self._valid: Counter[tuple[bytes, str]] = Counter()
+        self._unit: UnitSettings | None = None
         self._broken = self._failed = 0
 
-    def take(self, trailing: Bytes) -> None:
-        """Take the trailing bytes of consecutive packets, shape (n, 6)."""
+    def consume(self, trailing: Bytes) -> None:
+        """Read the trailing bytes of consecutive packets, shape (n, 6)."""
         self._packets += len(trailing)
-        self._take_text(trailing)
+        self._read_text(trailing)
         held = np.concatenate([self._held, np.ascontiguousarray(trailing).view(TRAILING)[:, 0]])
         settled = max(len(held) - _LOOK_AHEAD, 0)
-        self._take_cycles(held, settled)
+        self._read_cycles(held, settled)
         self._held = held[settled:]
         self._before += settled
 
-    def result(self) -> StatusStream:
-        """Tell what was found; nothing can be taken afterwards."""
-        self._take_cycles(self._held, len(self._held))
+    def result(self) -> TrailingStatus:
+        """Tell what was found; nothing can be consumed afterwards."""
+        self._read_cycles(self._held, len(self._held))
         if not self._readings:
             return self._text()
         first, last = self._readings[0], self._readings[-1]
@@ -244,9 +308,9 @@ class StatusReader:
             time = datetime(2000 + year, month, day, hour, minute, second, tzinfo=UTC)
         except ValueError:
             time = None
-        sound = self._sound.total()
-        best, count = self._sound.most_common(1)[0] if sound else ((b"", ""), 0)
-        return StatusStream(
+        valid = self._valid.total()
+        best, count = self._valid.most_common(1)[0] if valid else ((b"", ""), 0)
+        return TrailingStatus(
             kind="status",
             packets=self._packets,
             # Below zero in two's complement: the manuals do not say, but no unit is at 200 deg C.
@@ -258,13 +322,14 @@ class StatusReader:
             tables=count,
             broken=self._broken,
             failed=self._failed,
-            deviating=sound - count,
+            deviating=valid - count,
             series=best[1] or None,
-            parameters=_parameters(best[0]) if 2 * count > sound else None,
+            parameters=_parameters(best[0]) if 2 * count > valid else None,
             unit=self._unit,
         )
 
-    def _take_text(self, trailing: Bytes) -> None:
+    def _read_text(self, trailing: Bytes) -> None:
+        """Read temperature and firmware of units that send text."""
         degrees = (trailing[:, 2:] == np.frombuffer(b"DegC", np.uint8)).all(axis=1)
         if degrees.any():
             # The second byte is whole degrees; how the first divides a degree is not documented.
@@ -274,18 +339,19 @@ class StatusReader:
             others = {bytes(text) for text in np.unique(trailing[~degrees, 2:], axis=0)}
             self._texts |= {text for text in others if re.fullmatch(rb"[vV]\d[ -~]{2}", text)}
 
-    def _text(self) -> StatusStream:
+    def _text(self) -> TrailingStatus:
+        """What was found in the trailing bytes of a unit that sends no status types."""
         if not self._text_degrees:
-            return StatusStream(packets=self._packets)
-        return StatusStream(
+            return TrailingStatus(packets=self._packets)
+        return TrailingStatus(
             kind="text",
             packets=self._packets,
             temperature_deg_c=(self._text_degrees[0], self._text_degrees[1]),
             firmware=min(self._texts).decode("ascii") if self._texts else None,
         )
 
-    def _take_cycles(self, held: NDArray[np.void], settled: int) -> None:
-        """Take the cycles that begin among the first `settled` packets."""
+    def _read_cycles(self, held: NDArray[np.void], settled: int) -> None:
+        """Read the cycles that begin among the first `settled` packets."""
         opening = np.frombuffer(OPENING, np.uint8)
         if len(held) < len(opening):
             return
@@ -322,12 +388,12 @@ class StatusReader:
             self._tables()
 
     def _break(self) -> None:
-        """Give up a table that packets are missing of."""
+        """Drop a table of which packets are missing."""
         self._broken += len(self._chain) > 0
         self._chain = self._chain[:0]
 
     def _tables(self) -> None:
-        """Take whole tables off the chain, which then begins with a marker or is empty."""
+        """Read the whole tables in the chain, which then begins with a marker or is empty."""
         while True:
             marked = (self._chain[:, 1:6] == np.frombuffer(MARKER, np.uint8)).all(axis=1)
             first = int(marked.argmax()) if marked.any() else len(marked)
@@ -336,10 +402,11 @@ class StatusReader:
                 return
             # The first cycle of the second laser.
             series = "S3" if self._chain[4, 0] == ord("W") else "S2"
-            sound = self._judge(self._chain[:CYCLES, 1:], series)
-            self._chain = self._chain[CYCLES if sound else 1 :]
+            valid = self._check(self._chain[:CYCLES, 1:], series)
+            self._chain = self._chain[CYCLES if valid else 1 :]
 
-    def _judge(self, rows: Bytes, series: str) -> bool:
+    def _check(self, rows: Bytes, series: str) -> bool:
+        """Count a table as valid or failed, and say which of the two it is."""
         table = np.ascontiguousarray(rows).reshape(-1).view(TABLE)[0]
         lasers = np.ascontiguousarray(table["lasers"]["values"])
         key = (lasers.tobytes(), series)
@@ -350,7 +417,7 @@ class StatusReader:
         if not right or (lasers["id"] != np.arange(64)).any() or table["check"] != check:
             self._failed += 1
             return False
-        self._sound[key] += 1
+        self._valid[key] += 1
         self._unit = _unit(table)
         return True
 
@@ -366,18 +433,19 @@ def _parameters(lasers: bytes) -> LaserParameters:
     return LaserParameters(**own, carried=values)
 
 
-def _unit(table: np.void) -> dict[str, Any]:
-    """Settings of the unit; the time of calibration is None where it was not set."""
+def _unit(table: np.void) -> UnitSettings:
+    """Settings of the unit in a table."""
     year, month, day, hour, minute, second, _ = (int(v) for v in table["lasers"]["after"][-1])
     try:
         calibrated = datetime(2000 + year, month, day, hour, minute, second).isoformat()
     except ValueError:
         calibrated = None
-    return {
-        "calibrated": calibrated,
-        "rpm": int(table["rpm"]),
-        "fov_deg": [float(angle) / 100.0 for angle in table["fov"]],
-        "hours": int(table["hours"]),
-        "source": ".".join(str(v) for v in table["source"]),
-        "destination": ".".join(str(v) for v in table["destination"]),
-    }
+    first, last = (float(angle) / 100.0 for angle in table["fov"])
+    return UnitSettings(
+        calibrated=calibrated,
+        rpm=int(table["rpm"]),
+        fov_deg=(first, last),
+        hours=int(table["hours"]),
+        source=".".join(str(v) for v in table["source"]),
+        destination=".".join(str(v) for v in table["destination"]),
+    )

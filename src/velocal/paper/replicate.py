@@ -5,7 +5,7 @@ Recordings still go through their bytes, in a file that is removed again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import tabulate
-from velocal.adjustment.average import average
+from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.paper import printed as published
@@ -25,8 +25,9 @@ from velocal.paper import statements, tables
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.medians import cell_medians
-from velocal.reduction.scans import COLUMNS, assigned_scan, first_rotations
+from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
+from velocal.reduction.medians import binned_medians
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS, Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
@@ -37,14 +38,6 @@ from velocal.study.config import Reduction
 from velocal.study.samples import SurveyedSample
 from velocal.study.study import Study
 from velocal.survey.network.survey import Survey, adjust_field_book
-from velocal.survey.station import (
-    Station,
-    adjust_station,
-    as_dict,
-    observations,
-    plane_covariances,
-    uncertainty_of,
-)
 
 Columns = dict[str, NDArray[Any]]
 
@@ -122,40 +115,39 @@ def _of_scanner(
 ) -> Iterator[pd.DataFrame]:
     known = SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
-    gates = study.assignment.limits.gates()
+    limits = study.assignment.limits.metric()
     sigma_m = study.validation.sigma_cm * 1e-2
     adjustment = study.adjustment(scanner)
-    adjustments: dict[str, list[tabulate.Corrections]] = {}
+    adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
-        if sample.position not in at:
-            at = {sample.position: capture.shots_at(world, scanner, sample.position)}
-        station = _station(survey, scanner, sample.position, study.assignment.planes)
-        stochastic = adjustment.stochastic([uncertainty_of(as_dict(station))])
-        for window, returns, rate_hz in _windows(
-            world, sample, known, rotations, at[sample.position]
-        ):
+        position = sample.position
+        if position not in at:
+            at = {position: capture.shots_at(world, scanner, position)}
+        station = survey.station(scanner, position, study.assignment.planes, where="replica")
+        stochastic = adjustment.stochastic([station.uncertainty()])
+        for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             medians = _medians(returns, study.config.reduction, known)
-            rows = assigned_scan(medians, known, rate_hz, factory, station.patches, gates)
-            data = observations(rows, station.patches)
+            beams = Beams.from_ticks(medians, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
+            data = station.observations(rows)
             results = adjust_all(
                 data, factory, adjustment.parameters, adjustment.solver(), stochastic
             )
-            columns = {k: np.array(v) for k, v in tabulate.corrections(results).items()}
-            found = tabulate.read_corrections(columns)
-            adjustments.setdefault(sample.name, []).append(found)
+            found = CalibrationSet.from_adjustments(results, factory)
+            member = Member(sample.name, position, found)
+            adjustments.setdefault(sample.name, []).append(member)
             s = {
                 "before": data.misclosure(factory),
-                "after": data.misclosure(factory.corrected(found.value)),
+                "after": data.misclosure(found.adjusted),
             }
             yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
             scan = first_rotations(returns, study.validation.rotations)
-            scans[sample.name, window] = observations(
-                assigned_scan(scan, known, rate_hz, factory, station.patches, gates),
-                station.patches,
-            )
+            beams = Beams.from_ticks(scan, known, rate_hz)
+            rows = assigned_rows(beams, factory, station.patches, limits)
+            scans[sample.name, window] = station.observations(rows)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
         heading = {"scanner": scanner, "sample": name, "window": window}
@@ -167,13 +159,13 @@ def _sets(
     study: Study,
     scanner: str,
     factory: LaserParameters,
-    adjustments: dict[str, list[tabulate.Corrections]],
+    adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
     weights = study.average
     sets = {"before": factory}
     for name, samples in study.parameter_sets[scanner].items():
-        chosen = average([adjustments[sample] for sample in samples], weights)
-        sets[name] = factory.corrected({key: each.mean for key, each in chosen.items()})
+        members = [member for sample in samples for member in adjustments[sample]]
+        sets[name] = average(members, weights).adjusted
     return sets
 
 
@@ -190,28 +182,16 @@ def _table(
 
 
 def _medians(returns: Columns, reduction: Reduction, known: Scanner) -> Columns:
-    """Reduce to medians; cells may hold a single return, as there are fewer rotations."""
-    reduced = cell_medians(
+    """Reduce to medians; a bin may hold a single return, as there are fewer rotations."""
+    reduced = binned_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=reduction.azimuth_bin_ticks(known),
+        bin_ticks=reduction.azimuth_bin_ticks(known),
         min_count=1,
     )
     return asdict(reduced)
-
-
-def _station(survey: Survey, scanner: str, position: str, planes: Sequence[str]) -> Station:
-    base = survey.readings[scanner].targets
-    return adjust_station(
-        survey.planes,
-        base,
-        survey.base_field[position],
-        planes,
-        covariances=plane_covariances(survey.planes),
-        where="replica",
-    )
 
 
 def _windows(

@@ -14,6 +14,7 @@ import pandas as pd
 
 from velocal.errors import VelocalError
 from velocal.paper.printed import COLUMNS, TOLERANCES_OF_MEAN, Source, judged, printed_rows
+from velocal.scanner.models import scanner_named
 
 PRINTED = Path(__file__).parent / "data" / "statements.csv"
 
@@ -76,7 +77,8 @@ def of_surveys(surveys: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     """Flatness of the walls (mm) and number of base targets, out of surveys of positions."""
     found: dict[str, float] = {}
     for survey in surveys:
-        found[f"base_targets_{survey['scanner'][4:6]}"] = len(survey["pose"]["targets"])
+        scanner = scanner_named(survey["scanner"])
+        found[f"base_targets_{scanner.short_name}"] = len(survey["pose"]["targets"])
         for plane in survey["planes"]:
             wall = {"short_wall": "short", "long_wall": "long"}.get(plane["name"])
             if wall:

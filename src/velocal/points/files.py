@@ -38,7 +38,17 @@ _ROW = {field.name: np.dtype(field.type.to_pandas_dtype()).str[1:] for field in 
 
 
 def fields(*, shift: bool) -> list[str]:
-    """Names of the fields of a file, in their order, with or without the shift."""
+    """Names of the fields of a file of points, in their order.
+
+    Parameters
+    ----------
+    shift : bool
+        Whether the points have a shift.
+
+    Returns
+    -------
+    list of str
+    """
     return [name for name in _ROW if shift or name != "shift"]
 
 

@@ -1,4 +1,4 @@
-"""What a calibration changes, seen: a plan of the points, and a flat surface before and after."""
+"""Picture of what a calibration changes: plan of the points, a flat surface before and after."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
 from velocal.geometry.planes import fit_plane
 from velocal.reporting.figures.lasers import style
+from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Flat surfaces among which the one to be shown is looked for.
 SEARCH = Search(planes=4, distance_m=0.15, extent_m=8.0, min_points=300, incidence_rad=1.2, seed=1)
@@ -26,15 +25,23 @@ HALF_HEIGHT = 4.0
 
 
 def surface(after: Cloud) -> FieldPlane | None:
-    """The flat surface that most lasers see, so that they can be compared; None without any."""
+    """Find the flat surface that most lasers see, so that they can be compared.
+
+    Parameters
+    ----------
+    after : Cloud
+
+    Returns
+    -------
+    FieldPlane or None
+        None if no plane is found.
+    """
     planes, _ = find_planes(after, SEARCH)
     return max(planes, key=lambda plane: len(np.unique(after.laser_id[plane.rows])), default=None)
 
 
 def before_and_after(
-    distance_m: Array,
-    phi: Array,
-    laser_id: NDArray[np.integer],
+    beams: Beams,
     calibrations: Sequence[LaserParameters],
     labels: Sequence[str],
     title: str,
@@ -43,20 +50,24 @@ def before_and_after(
 
     Parameters
     ----------
-    distance_m, phi : ndarray, shape (n,)
-        Raw distance, metres, and rotational angle, radians.
-    laser_id : ndarray of int, shape (n,)
+    beams : Beams
+        Returns, without the calibration.
     calibrations : sequence of two LaserParameters
         Before and after.
     labels : sequence of two str
         What they are called.
     title : str
+
+    Returns
+    -------
+    Figure
+        A plan of the points; beside it the surface edge-on with each calibration, if one is found.
     """
-    # At random: every so many-th would be the same lasers.
+    # Random, because every n-th return would always be of the same few lasers.
     rng = np.random.default_rng(SEARCH.seed)
-    n = len(distance_m)
+    n = len(beams)
     few = np.sort(rng.choice(n, size=min(n, POINTS), replace=False))
-    clouds = [Cloud.of(distance_m[few], phi[few], laser_id[few], each) for each in calibrations]
+    clouds = [Cloud.from_beams(beams[few], each) for each in calibrations]
     found = surface(clouds[1])
     with style():
         figure = Figure(figsize=(9.0, 4.6))

@@ -1,4 +1,4 @@
-"""Points of a recording, fast: one calibration, or how far two of them put each point apart.
+"""Points of a recording with one calibration, and how far another one would shift each point.
 
 Equations (1) to (3) at rotational angle 0 are linear in the raw distance,
 
@@ -8,8 +8,9 @@ with constants of the laser, and the head turns (p, q) as a whole:
 
     X = sin(phi) p - cos(phi) q      Y = cos(phi) p + sin(phi) q
 
-so that a point costs no sine of its own, and the way between the points of two calibrations does
-not depend on phi. Single precision: within a few hundredths of a millimetre at 100 m.
+so that sines are looked up once for each firing, and the distance between the points of two
+calibrations does not depend on phi. Single precision: within a few hundredths of a millimetre at
+100 m.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.capture.reading import ANY, Choice
-from velocal.packets.data import BLOCKS, Firings, decode, view
-from velocal.recording.scan import Inspection
+from velocal.arrays import Array
+from velocal.capture.source import ANY_SOURCE, SourceFilter
+from velocal.packets.data import BLOCKS, view
+from velocal.packets.firings import Firings, decode
+from velocal.recording.inspection import Inspection
 from velocal.recording.windows import read_rotations
-from velocal.scanner.beam import angle_from_ticks, distance_from_ticks
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -60,7 +63,7 @@ class Settings:
         Y forward and X right, as everywhere here, or X forward and Y left.
     returns : {"strongest", "last", "both"}
         Which return, where a shot has two.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners of the recording, as when it was inspected.
     """
 
@@ -71,11 +74,23 @@ class Settings:
     max_range_m: float = np.inf
     frame: str = "velocal"
     returns: str = "strongest"
-    choice: Choice = ANY
+    source: SourceFilter = ANY_SOURCE
 
 
 def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
-    """Rate of rotations; that of the whole recording, or 0, where they do not tell."""
+    """Rate of some rotations; that of the whole recording, or 0, if they do not tell.
+
+    Parameters
+    ----------
+    inspection : Inspection
+    rotations : ndarray of int64
+        Numbers of the rotations.
+
+    Returns
+    -------
+    float
+        Rotations per second.
+    """
     for rate in (inspection.index.rate_hz(rotations), inspection.index.rate_hz()):
         if np.isfinite(rate):
             return rate
@@ -88,16 +103,16 @@ class _Lasers:
     def __init__(self, settings: Settings, rate_hz: float) -> None:
         scanner = settings.scanner
         self.width = scanner.lasers_per_firing
-        late = scanner.firing_offset_s
-        tick_m, turned = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * late
-        slope, start = self._lines(settings.parameters, turned, tick_m)
+        delay_s = scanner.azimuth_delay_s
+        tick_m, rotated = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * delay_s
+        slope, start = self._lines(settings.parameters, rotated, tick_m)
         self.slope, self.start = self._rows(slope), self._rows(start)
-        self.late = late.reshape(-1, self.width)
-        self.apart: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+        self.delay_s = delay_s.reshape(-1, self.width)
+        self.differences: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
         if settings.before is not None:
-            slope_0, start_0 = self._lines(settings.before, turned, tick_m)
+            slope_0, start_0 = self._lines(settings.before, rotated, tick_m)
             ways = zip(self._rows(slope - slope_0), self._rows(start - start_0), strict=True)
-            self.apart = list(ways)
+            self.differences = list(ways)
         dl = settings.parameters.dl
         lowest = np.ceil((settings.min_range_m - dl) / scanner.distance_tick_m)
         highest = np.floor((settings.max_range_m - dl) / scanner.distance_tick_m)
@@ -105,15 +120,13 @@ class _Lasers:
         self.lowest = np.maximum(lowest, 1.0).astype(np.float32).reshape(-1, self.width)
         self.highest = highest.astype(np.float32).reshape(-1, self.width)
 
-    def _rows(self, constants: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _rows(self, constants: Array) -> NDArray[np.float32]:
         return constants.astype(np.float32).reshape(3, -1, self.width)
 
     @staticmethod
-    def _lines(
-        parameters: LaserParameters, turned: NDArray[np.float64], tick_m: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _lines(parameters: LaserParameters, rotated: Array, tick_m: float) -> tuple[Array, Array]:
         """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
-        alpha, v = parameters.alpha - turned, parameters.v
+        alpha, v = parameters.alpha - rotated, parameters.v
         sine, cosine = np.sin(alpha), np.cos(alpha)
         along = np.stack([np.cos(v) * cosine, np.cos(v) * sine, np.sin(v)])
         offset = np.stack([-parameters.hoff * sine, parameters.hoff * cosine, parameters.voff])
@@ -126,8 +139,8 @@ class _Lasers:
         return self._along(ticks, bank, zip(self.slope, self.start, strict=True))
 
     def shift(self, ticks: NDArray[np.float32], bank: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Way from the point of the calibration before, metres, shape (n, width)."""
-        x, y, z = self._along(ticks, bank, self.apart)
+        """Distance from the point with the calibration before, metres, shape (n, width)."""
+        x, y, z = self._along(ticks, bank, self.differences)
         x *= x
         y *= y
         z *= z
@@ -154,19 +167,29 @@ class _Lasers:
 def place(
     firings: Firings,
     rotation: NDArray[np.int64],
-    time_s: NDArray[np.float64],
+    time_s: Array,
     lasers: _Lasers,
     frame: str,
 ) -> Columns:
-    """Points of firings, of those returns that are within the limits of range.
+    """Compute the points of those returns of firings that are within the limits of range.
 
     Parameters
     ----------
     firings : Firings
+        n firings.
     rotation : ndarray of int, shape (n,)
         Rotation of every firing; -1 for one that is left out.
     time_s : ndarray, shape (n,)
         When it began.
+    lasers : _Lasers
+        Constants of the lasers.
+    frame : {"velocal", "ros"}
+        Frame of the coordinates.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (m,)
+        Columns as `stream` gives them.
     """
     bank = (firings.first_laser // 32).astype(np.intp)
     ticks = firings.distance.astype(np.float32)
@@ -193,9 +216,9 @@ def place(
         "rotation": np.repeat(rotation.astype(np.uint32), count),
         "time": np.repeat(time_s, count),
     }
-    if lasers.late.any():
-        columns["time"] += lasers.late.take(bank, axis=0)[used]
-    if lasers.apart:
+    if lasers.delay_s.any():
+        columns["time"] += lasers.delay_s.take(bank, axis=0)[used]
+    if lasers.differences:
         columns["shift"] = lasers.shift(ticks, bank)[used]
     return columns
 
@@ -214,10 +237,10 @@ class _Clock:
 
     def packets(
         self,
-        captured: NDArray[np.float64] | None,
+        captured: Array | None,
         stamps: NDArray[np.uint32],
         rotation: NDArray[np.int64],
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Time of packets, shape (n,), of the given rotations; NaN without a clock."""
         about = self.times[rotation]
         if self.kind == "device":
@@ -234,7 +257,7 @@ class _Clock:
             since += HOUR_S * np.rint((about - since) / HOUR_S)
         return np.asarray(since)
 
-    def firings(self, block: NDArray[np.int64]) -> NDArray[np.float64]:
+    def firings(self, block: NDArray[np.int64]) -> Array:
         """Time from the stamp of its packet to every firing, shape (n,), by its block."""
         shot = self.together * self.interval_s / BLOCKS
         time_s = block % BLOCKS // self.together * shot
@@ -272,8 +295,8 @@ def stream(
     scanner = settings.scanner
     lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
     clock = _Clock(inspection, scanner)
-    index, choice = inspection.index, settings.choice
-    for chunk, rotation_of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
         for begin in range(0, len(chunk.payloads), PACKETS):
             part = slice(begin, begin + PACKETS)
             payloads, of_block = chunk.payloads[part], rotation_of_block[part]
@@ -287,19 +310,38 @@ def stream(
 
 def raw_returns(
     recording: Path, inspection: Inspection, rotations: NDArray[np.int64], settings: Settings
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
-    """Raw distance in metres, rotational angle and laser of the returns of a few rotations."""
+) -> Beams:
+    """Returns of a few rotations that are within the limits of range, all in memory.
+
+    Parameters
+    ----------
+    recording : Path
+        Capture file.
+    inspection : Inspection
+        Of that file.
+    rotations : ndarray of int64
+        Rotations to use, ascending.
+    settings : Settings
+
+    Returns
+    -------
+    Beams
+        In the order of the wire.
+    """
     scanner, found = settings.scanner, []
-    index, choice = inspection.index, settings.choice
-    for chunk, of_block in read_rotations(recording, index, rotations, choice):
+    index, source = inspection.index, settings.source
+    for chunk, of_block in read_rotations(recording, index, rotations, source):
         firings = decode(chunk.payloads, scanner, settings.returns)
         used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
         azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))
         found.append((firings.distance[used], azimuth, firings.laser_id()[used]))
-    ticks, azimuth, laser = (np.concatenate(part) for part in zip(*found, strict=True))
-    distance = distance_from_ticks(ticks, scanner.distance_tick_m)
-    rate = 2.0 * np.pi * rotation_rate_hz(inspection, rotations)
-    near = distance + settings.parameters.dl[laser]
-    used = (near >= settings.min_range_m) & (near <= settings.max_range_m)
-    phi = angle_from_ticks(azimuth, laser, scanner, rate)
-    return distance[used], phi[used], laser[used]
+    columns = dict(
+        zip(
+            ("distance", "azimuth", "laser_id"),
+            (np.concatenate(part) for part in zip(*found, strict=True)),
+            strict=True,
+        )
+    )
+    beams = Beams.from_ticks(columns, scanner, rotation_rate_hz(inspection, rotations))
+    range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
+    return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

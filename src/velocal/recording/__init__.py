@@ -1,1 +1,1 @@
-"""Captures of a scanner: payloads out of files, a ledger of what was not used, rotations."""
+"""A recording of a scanner: scan, rotations, windows, identification, returns."""

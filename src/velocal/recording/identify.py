@@ -5,30 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from velocal.errors import RecordingError
-from velocal.recording.scan import Inspection
-from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS, Scanner
+from velocal.recording.inspection import Inspection
+from velocal.scanner.models import SCANNERS, Scanner
 
 #: Measured and nominal packet rate, or firing cycle, may differ by this share.
 RATE_TOLERANCE = 0.15
 
 
-def banks(inspection: Inspection) -> int:
-    """Banks of 32 lasers that occur."""
-    return sum(count > 0 for count in inspection.block_counts.values())
-
-
-def firing_cycle_s(inspection: Inspection) -> float:
-    """Time between blocks that differ in azimuth, by rotation rate and step; NaN without a clock.
-
-    Lost packets change the packet rate, not this.
-    """
-    if inspection.clock != "device":
-        return float("nan")
-    return inspection.azimuth_step_ticks / AZIMUTH_TICKS / inspection.index.rate_hz()
-
-
 def _mismatch(inspection: Inspection, scanner: Scanner) -> float:
-    """How far the packet rate is from that of a scanner, as a logarithm; zero without time."""
+    """Logarithm of the ratio of measured and nominal packet rate; zero without time."""
     nominal = scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
     if np.isnan(nominal):
         return np.inf  # it has no such mode
@@ -37,14 +22,23 @@ def _mismatch(inspection: Inspection, scanner: Scanner) -> float:
 
 
 def candidates(inspection: Inspection) -> list[Scanner]:
-    """Scanners whose flags and packet rate agree with a recording, best first.
+    """Find the scanners whose flags and packet rate agree with a recording.
 
     Scanners of the same timing differ by their product byte.
+
+    Parameters
+    ----------
+    inspection : Inspection
+
+    Returns
+    -------
+    list of Scanner
+        The best first.
     """
     fits = []
     for number, scanner in enumerate(SCANNERS.values()):
         mismatch = _mismatch(inspection, scanner)
-        if len(scanner.flags) == banks(inspection) and mismatch < np.log1p(RATE_TOLERANCE):
+        if len(scanner.flags) == inspection.banks and mismatch < np.log1p(RATE_TOLERANCE):
             other = inspection.product not in scanner.factory_bytes
             fits.append((mismatch, other, number, scanner))
     return [scanner for *_, scanner in sorted(fits, key=lambda fit: fit[:3])]
@@ -53,10 +47,18 @@ def candidates(inspection: Inspection) -> list[Scanner]:
 def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[str]:
     """Check the stated scanner against flags, factory byte and timing.
 
+    Parameters
+    ----------
+    inspection : Inspection
+    scanner : Scanner
+        The scanner that is said to have made the recording.
+    where : str
+        The recording, for errors.
+
     Returns
     -------
     list of str
-        Remarks on what is odd but no contradiction.
+        Remarks on what is unusual, but no contradiction.
 
     Raises
     ------
@@ -96,9 +98,8 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             f"product byte is 0x{product:02X}, {scanner.name} should send 0x{expected[0]:02X}; "
             f"the timing agrees with {scanner.name}"
         )
-    cycle = firing_cycle_s(inspection) / (scanner.firing_cycle_s * scanner.firings_per_block)
-    # The encoder of an HDL-64E is too coarse for this.
-    if not scanner.paired and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
+    cycle = inspection.firing_cycle_s / (scanner.firing_cycle_s * scanner.firings_per_block)
+    if not scanner.coarse_encoder and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
         remarks.append(
             f"the head turns {inspection.azimuth_step_ticks:.0f} hundredths of a degree from block "
             f"to block, {cycle:.2f} times what its rate and {scanner.name} would give"
@@ -109,3 +110,41 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             + ("two returns a shot" if inspection.dual else "one return a shot")
         )
     return remarks
+
+
+def identify(
+    inspection: Inspection, stated: Scanner | None, where: str
+) -> tuple[Scanner, list[str]]:
+    """Find the scanner that made a recording, or check the one that is stated.
+
+    Parameters
+    ----------
+    inspection : Inspection
+    stated : Scanner or None
+        The scanner that is said to have made the recording.
+    where : str
+        The recording, for errors.
+
+    Returns
+    -------
+    scanner : Scanner
+        The stated one, or the best of `candidates`.
+    remarks : list of str
+        See `check_scanner`.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot come from the stated scanner, or fits no known one.
+    """
+    if stated is None:
+        fits = candidates(inspection)
+        if not fits:
+            raise RecordingError(
+                "flags and packet rate fit no known scanner",
+                where=where,
+                allowed=", ".join(SCANNERS),
+                hint="`velocal inspect` shows the flags and the rate.",
+            )
+        stated = fits[0]
+    return stated, check_scanner(inspection, stated, where)

@@ -1,4 +1,4 @@
-"""Flat table of returns: the rotations that were asked for, decoded and streamed to Parquet.
+"""Table of returns: the rotations that were asked for, decoded some thousand packets at a time.
 
 Rows keep the order of the wire. The rows of one firing follow one another, as many as the
 scanner has lasers in a firing (32, or 16 for a VLP-16). Of two returns of a shot one is chosen,
@@ -7,18 +7,22 @@ or both follow as they came.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.capture.reading import ANY, Choice
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
-from velocal.packets.data import decode
+from velocal.packets.dual import check_choice
+from velocal.packets.firings import decode
 from velocal.recording.identify import check_scanner
-from velocal.recording.scan import Inspection, RotationIndex, inspect
+from velocal.recording.inspection import Inspection
+from velocal.recording.rotation_index import RotationIndex
+from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
 from velocal.scanner.models import Scanner
 
@@ -26,6 +30,76 @@ from velocal.scanner.models import Scanner
 PACKETS = 6400
 
 Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Returns of some rotations in raw ticks, a row each, in the order of the wire.
+
+    Attributes
+    ----------
+    scanner : Scanner
+    rotation_rate_hz : float
+        Median rate of all rotations that were asked for; NaN without time.
+    rotation : ndarray of uint32, shape (n,)
+        Number of the rotation in the recording.
+    timestamp : ndarray of uint32, shape (n,)
+        Device clock of the packet, microseconds of the hour.
+    azimuth : ndarray of uint16, shape (n,)
+        Raw azimuth of the firing, 0.01 degree.
+    laser_id : ndarray of uint8, shape (n,)
+    distance : ndarray of uint16, shape (n,)
+        Raw distance in ticks of `Scanner.distance_tick_m`; 0 where nothing came back.
+    intensity : ndarray of uint8, shape (n,)
+        Raw intensity.
+    which : ndarray of uint8, shape (n,)
+        `packets.dual.ONLY`, `STRONGEST` or `LAST`.
+    """
+
+    scanner: Scanner
+    rotation_rate_hz: float
+    rotation: NDArray[np.uint32]
+    timestamp: NDArray[np.uint32]
+    azimuth: NDArray[np.uint16]
+    laser_id: NDArray[np.uint8]
+    distance: NDArray[np.uint16]
+    intensity: NDArray[np.uint8]
+    which: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.laser_id)
+
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Returns:
+        chosen: dict[str, Any] = {name: values[rows] for name, values in self._arrays().items()}
+        return replace(self, **chosen)
+
+    @property
+    def seen(self) -> Returns:
+        """Only the rows where something came back."""
+        return self[self.distance > 0]
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of `schemas.RETURNS`."""
+        arrays = self._arrays()
+        return {_COLUMN.get(name, name): values for name, values in arrays.items()}
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Returns]) -> Returns:
+        """Join returns of one recording; there must be one part at least."""
+        arrays = [part._arrays() for part in parts]
+        joined: dict[str, Any] = {
+            name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]
+        }
+        return replace(parts[0], **joined)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Arrays by their name in this class."""
+        names = [f.name for f in fields(self) if f.name not in ("scanner", "rotation_rate_hz")]
+        return {name: getattr(self, name) for name in names}
+
+
+#: Columns of `schemas.RETURNS` whose name cannot be that of an attribute.
+_COLUMN = {"which": "return"}
 
 
 def write_returns(
@@ -37,7 +111,7 @@ def write_returns(
     progress: Progress | None = None,
     *,
     returns: str = "strongest",
-    choice: Choice = ANY,
+    source: SourceFilter = ANY_SOURCE,
 ) -> int:
     """Decode rotations of a recording into a Parquet file of returns.
 
@@ -57,13 +131,20 @@ def write_returns(
         Called with the number of packets decoded so far.
     returns : {"strongest", "last", "both"}
         Which return, where a shot has two. With both, a shot has two rows.
-    choice : Choice
+    source : SourceFilter
         Which of several scanners, as when it was indexed.
 
     Returns
     -------
     int
         Number of rows.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot be read.
+    ConfigError
+        If `returns` is unknown.
     """
     rows = 0
     facts: dict[str, Any] = {
@@ -75,11 +156,11 @@ def write_returns(
         "returns": returns,
     }
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
-        for columns in returns_of(
-            recording, index, rotations, scanner, progress, returns=returns, choice=choice
+        for part in returns_of(
+            recording, index, rotations, scanner, progress, returns=returns, source=source
         ):
-            writer.write(columns)
-            rows += len(columns["laser_id"])
+            writer.write(part.columns())
+            rows += len(part)
     return rows
 
 
@@ -91,42 +172,60 @@ def returns_of(
     progress: Progress | None = None,
     *,
     returns: str = "strongest",
-    choice: Choice = ANY,
-) -> Iterator[dict[str, NDArray[Any]]]:
+    source: SourceFilter = ANY_SOURCE,
+) -> Iterator[Returns]:
     """Decode rotations of a recording, some thousand packets at a time.
 
     Parameters are those of `write_returns`.
 
     Yields
     ------
-    dict of str to ndarray
-        Columns of `schemas.RETURNS`.
+    part : Returns
+        Consecutive rows.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot be read.
+    ConfigError
+        If `returns` is unknown.
     """
+    check_choice(returns)
+    rate_hz = index.rate_hz(rotations)
     packets = 0
-    parts = read_rotations(recording, index, rotations, choice)
+    parts = read_rotations(recording, index, rotations, source)
     for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):
         firings = decode(payloads, scanner, returns)
         of_firing = rotation.reshape(-1)[firings.block]
         keep = of_firing >= 0
         width = scanner.lasers_per_firing
-        yield {
-            "rotation": np.repeat(of_firing[keep].astype(np.uint32), width),
-            "timestamp": np.repeat(firings.timestamp[keep], width),
-            "azimuth": np.repeat(firings.azimuth[keep], width),
-            "laser_id": firings.laser_id()[keep].reshape(-1),
-            "distance": firings.distance[keep].reshape(-1),
-            "intensity": firings.intensity[keep].reshape(-1),
-            "return": np.repeat(firings.which[keep], width),
-        }
+        yield Returns(
+            scanner=scanner,
+            rotation_rate_hz=rate_hz,
+            rotation=np.repeat(of_firing[keep].astype(np.uint32), width),
+            timestamp=np.repeat(firings.timestamp[keep], width),
+            azimuth=np.repeat(firings.azimuth[keep], width),
+            laser_id=firings.laser_id()[keep].reshape(-1),
+            distance=firings.distance[keep].reshape(-1),
+            intensity=firings.intensity[keep].reshape(-1),
+            which=np.repeat(firings.which[keep], width),
+        )
         packets += len(payloads)
         if progress is not None:
             progress(packets)
 
 
 def read_short(
-    recording: Path, scanner: Scanner
+    path: Path, scanner: Scanner
 ) -> tuple[Inspection, list[str], dict[str, NDArray[Any]]]:
     """Scan and decode a short recording at once; empty shots are left out.
+
+    Parameters
+    ----------
+    path : Path
+        Capture file.
+    scanner : Scanner
+        The scanner that is said to have made it.
 
     Returns
     -------
@@ -141,12 +240,11 @@ def read_short(
     RecordingError, ConfigError
         As `inspect` and `check_scanner`.
     """
-    found = inspect(recording)
-    remarks = check_scanner(found, scanner, str(recording))
-    parts = list(returns_of(recording, found.index, np.arange(len(found.index)), scanner))
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    seen = columns["distance"] > 0
-    return found, remarks, {name: column[seen] for name, column in columns.items()}
+    found = inspect(path)
+    remarks = check_scanner(found, scanner, str(path))
+    every = np.arange(len(found.index))
+    returns = Returns.concatenate(list(returns_of(path, found.index, every, scanner)))
+    return found, remarks, returns.seen.columns()
 
 
 _Part = tuple[NDArray[np.uint8], NDArray[np.int64]]

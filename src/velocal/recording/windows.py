@@ -1,26 +1,36 @@
-"""Windows of rotations: the index as a file, which rotations a window has, their packets."""
+"""Windows of rotations: the index as a file, the rotations of a window, and their packets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.capture.chunk import Chunk
-from velocal.capture.ledger import Ledger
-from velocal.capture.reading import ANY, Choice, open_recording
+from velocal.capture.reading import open_capture
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS
-from velocal.recording.scan import RotationIndex
+from velocal.recording.rotation_index import RotationIndex
+
+#: Stands in the file for every offset of a recording that is not seekable.
+_NOT_SEEKABLE = -1
 
 
 def write_index(path: Path, index: RotationIndex) -> None:
-    """Write an index as Parquet (`schemas.ROTATIONS`)."""
+    """Write an index as Parquet (`schemas.ROTATIONS`).
+
+    Parameters
+    ----------
+    path : Path
+        File, which appears when it is complete.
+    index : RotationIndex
+    """
     columns = {
-        "offset": index.offset,
+        "offset": index.offset if index.seekable else np.full_like(index.offset, _NOT_SEEKABLE),
         "block": index.block,
         "packet": index.packet,
         "time_s": index.time_s,
@@ -30,14 +40,22 @@ def write_index(path: Path, index: RotationIndex) -> None:
 
 
 def read_index(path: Path) -> RotationIndex:
-    """Read what `write_index` wrote."""
+    """Read what `write_index` wrote.
+
+    Raises
+    ------
+    StorageError
+        If the file is damaged, or of another kind or version.
+    """
     columns, _ = storage.read_table(path, schemas.ROTATIONS)
+    offset = columns["offset"]
     return RotationIndex(
-        columns["offset"],
+        offset,
         columns["block"],
         columns["packet"],
         columns["time_s"],
         columns["complete"][:-1],
+        seekable=bool(offset[0] != _NOT_SEEKABLE),
     )
 
 
@@ -55,6 +73,11 @@ def window_rotations(
         Number of rotations of a window; not used by "all".
     where : str
         Recording, for the error.
+
+    Returns
+    -------
+    ndarray of int64
+        Numbers of the rotations.
 
     Raises
     ------
@@ -80,31 +103,45 @@ def window_rotations(
 
 
 def read_rotations(
-    path: Path, index: RotationIndex, rotations: NDArray[np.int64], choice: Choice = ANY
+    path: Path,
+    index: RotationIndex,
+    rotations: NDArray[np.int64],
+    source: SourceFilter = ANY_SOURCE,
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Read the packets of some rotations.
 
-    A file that cannot be entered in the middle is read from its beginning to the last of them.
+    A recording that is not seekable is read from its beginning to the last of them.
+
+    Parameters
+    ----------
+    path : Path
+        Capture file.
+    index : RotationIndex
+        Of that file.
+    rotations : ndarray of int64
+        Rotations to read.
+    source : SourceFilter
+        Which of several scanners, as when the file was scanned.
 
     Yields
     ------
     chunk : Chunk
-        Sound packets; the first and last of a run may also hold blocks of a neighbour.
+        Valid packets; the first and last of a run may also hold blocks of a neighbour.
     rotation : ndarray of int64, shape (n, 12)
         Rotation of every block, -1 where it was not asked for.
     """
-    recording = open_recording(path, choice)
+    capture = open_capture(path, source)
     wanted = np.zeros(len(index) + 1, dtype=bool)
     wanted[rotations] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted]).astype(np.int8)))
     runs = list(zip(edges[::2], edges[1::2], strict=True))
-    if index.offset[0] < 0:
-        yield from _counted(recording.packets(Ledger(file_bytes=0)), 0, index, wanted)
+    if not index.seekable:
+        yield from _counted(capture.read(), 0, index, wanted)
         return
     for first, last in runs:
         # A rotation that ends inside a packet needs that packet too.
         stop = int(index.offset[last]) + (1 if index.block[last] else 0)
-        chunks = recording.packets_from(int(index.offset[first]), stop)
+        chunks = capture.read_between(int(index.offset[first]), stop)
         # Only this run: a rotation shorter than a packet lets two runs share that packet.
         run = np.zeros_like(wanted)
         run[first:last] = True
@@ -112,7 +149,7 @@ def read_rotations(
 
 
 def _counted(
-    chunks: Iterator[Chunk], done: int, index: RotationIndex, wanted: NDArray[np.bool_]
+    chunks: Iterable[Chunk], done: int, index: RotationIndex, wanted: NDArray[np.bool_]
 ) -> Iterator[tuple[Chunk, NDArray[np.int64]]]:
     """Packets of wanted rotations among chunks of which the first begins with packet `done`."""
     boundaries = index.packet * BLOCKS + index.block
@@ -125,7 +162,7 @@ def _counted(
         used = np.flatnonzero((rotation >= 0).any(axis=1))
         if len(used):
             rows = slice(int(used[0]), int(used[-1]) + 1)
-            yield chunk.take(rows), rotation[rows]
+            yield chunk.select(rows), rotation[rows]
         done += n
         if done * BLOCKS >= end:
             return

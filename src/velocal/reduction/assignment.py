@@ -1,24 +1,28 @@
-"""Which surveyed plane a return hit, and the residual of the returns that hit one."""
+"""Which surveyed plane a return hit, and the returns of a scan that hit one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.geometry.planes import Patch
-from velocal.scanner.beam import laser_beams
+from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 
-Array = NDArray[np.float64]
 #: Index of no plane.
 NO_PLANE = 255
+#: Columns of the table of returns that a scan needs.
+COLUMNS = ["rotation", "azimuth", "laser_id", "distance"]
+
+Columns = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
-class Gates:
+class Limits:
     """What a return must satisfy to belong to a plane.
 
     Attributes
@@ -37,47 +41,91 @@ class Gates:
 
 
 def assign(
-    distance_m: Array,
-    phi: Array,
-    laser_id: NDArray[np.integer],
-    parameters: LaserParameters,
-    patches: Sequence[Patch],
-    gates: Gates,
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
 ) -> NDArray[np.uint8]:
     """Assign returns to the patches that their beams meet first.
 
     Parameters
     ----------
-    distance_m, phi, laser_id : ndarray, shape (n,)
-        Raw distance (metres), rotational angle (radians), laser.
+    beams : Beams
+        The n returns, or medians of them.
     parameters : LaserParameters
-        Parameters before the adjustment; they need only be good to the gate.
+        Parameters before the adjustment; they need only be good to the limits.
     patches : sequence of Patch
         Surveyed patches in the scanner frame.
-    gates : Gates
-        Limits.
+    limits : Limits
 
     Returns
     -------
     ndarray of uint8, shape (n,)
         Index of the patch, `NO_PLANE` for none.
     """
-    direction, origin = laser_beams(phi, laser_id, parameters)
-    length = distance_m + parameters.dl[laser_id]
-    nearest = np.full(len(phi), np.inf)
-    plane = np.full(len(phi), NO_PLANE, dtype=np.uint8)
+    direction, origin = laser_beams(beams.phi, beams.laser_id, parameters)
+    length = beams.distance_m + parameters.dl[beams.laser_id]
+    nearest = np.full(len(beams), np.inf)
+    plane = np.full(len(beams), NO_PLANE, dtype=np.uint8)
     for index, patch in enumerate(patches):
         towards = direction @ patch.plane.normal
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = -(origin @ patch.plane.normal + patch.plane.offset) / towards
         candidates = np.flatnonzero(
-            (np.abs(towards) >= np.cos(gates.incidence_rad))
+            (np.abs(towards) >= np.cos(limits.incidence_rad))
             & (expected > 0)
             & (expected < nearest)
-            & (np.abs(length - expected) <= gates.distance_m)
+            & (np.abs(length - expected) <= limits.distance_m)
         )
         hit = origin[candidates] + expected[candidates, None] * direction[candidates]
-        chosen = candidates[patch.contains(hit, gates.edge_m)]
+        chosen = candidates[patch.contains(hit, limits.edge_m)]
         nearest[chosen] = expected[chosen]
         plane[chosen] = index
     return plane
+
+
+def first_rotations(columns: Columns, rotations: int) -> dict[str, NDArray[Any]]:
+    """Choose the returns of the first rotations, without the empty shots.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (n,)
+        `COLUMNS` of a table of returns.
+    rotations : int
+        How many.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (m,)
+        The same columns.
+    """
+    first = np.unique(columns["rotation"])[:rotations]
+    chosen = np.isin(columns["rotation"], first) & (columns["distance"] > 0)
+    return {name: column[chosen] for name, column in columns.items()}
+
+
+def assigned_rows(
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
+) -> dict[str, NDArray[Any]]:
+    """Choose the returns, or medians, that lie on a plane.
+
+    Parameters
+    ----------
+    beams : Beams
+    parameters : LaserParameters
+        Factory parameters, which decide what hit which plane.
+    patches : sequence of Patch
+        Surveyed patches in the scanner frame.
+    limits : Limits
+
+    Returns
+    -------
+    dict of str to ndarray, shape (m,)
+        Columns of `schemas.ASSIGNED`: ``laser_id``, ``plane``, ``phi_rad``, ``distance_m``.
+    """
+    plane = assign(beams, parameters, patches, limits)
+    hit = plane != NO_PLANE
+    rows = {
+        "laser_id": beams.laser_id,
+        "plane": plane,
+        "phi_rad": beams.phi,
+        "distance_m": beams.distance_m,
+    }
+    return {name: column[hit] for name, column in rows.items()}

@@ -1,4 +1,4 @@
-"""Median, spread and number of the raw distances per laser and angle cell."""
+"""Median, spread and number of the raw distances per laser and azimuth bin."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.models import AZIMUTH_TICKS
 
@@ -17,19 +18,19 @@ _NOTHING = np.uint16(65535)
 
 @dataclass(frozen=True)
 class Medians:
-    """Reduced distances, one element per laser and angle cell that was hit often enough.
+    """Reduced distances, one element per laser and azimuth bin that was hit often enough.
 
     Attributes
     ----------
     laser_id : ndarray of uint8, shape (n,)
     azimuth : ndarray of float32, shape (n,)
-        Mean raw azimuth of the firings in the cell, 0.01 degree.
+        Mean raw azimuth of the firings in the bin, 0.01 degree.
     distance : ndarray of float32, shape (n,)
         Median of the raw distances, ticks (`Scanner.distance_tick_m`).
     spread : ndarray of float32, shape (n,)
         Interquartile range over 1.349, ticks; the standard deviation of normal noise.
     count : ndarray of uint16, shape (n,)
-        Returns in the cell.
+        Returns in the bin.
     """
 
     laser_id: NDArray[np.uint8]
@@ -39,19 +40,19 @@ class Medians:
     count: NDArray[np.uint16]
 
 
-def cell_medians(
+def binned_medians(
     azimuth: NDArray[np.uint16],
     laser_id: NDArray[np.uint8],
     distance: NDArray[np.uint16],
     *,
     lasers_per_firing: int,
-    cell_ticks: int,
+    bin_ticks: int,
     min_count: int,
 ) -> Medians:
-    """Reduce returns to exact medians per laser and angle cell.
+    """Reduce returns to exact medians per laser and azimuth bin.
 
-    Firings are sorted by cell and scattered to a dense (cell, slot, laser) array that is sorted
-    along its slots; a cell of `cell_ticks` begins at every multiple of it.
+    Firings are sorted by bin and scattered to a dense (bin, slot, laser) array that is sorted
+    along its slots; a bin of `bin_ticks` begins at every multiple of it.
 
     Parameters
     ----------
@@ -59,19 +60,24 @@ def cell_medians(
         Columns of the table of returns, in its order.
     lasers_per_firing : int
         Rows of one firing.
-    cell_ticks : int
-        Width of a cell, 0.01 degree; a divisor of 36000.
+    bin_ticks : int
+        Width of a bin, 0.01 degree; a divisor of 36000.
     min_count : int
-        Cells with fewer returns are left out.
+        Bins with fewer returns are left out.
+
+    Returns
+    -------
+    Medians
+        Sorted by laser, then azimuth.
 
     Raises
     ------
     VelocalError
-        If the cell does not divide the turn or the rows are not whole firings.
+        If the bin does not divide the turn or the rows are not whole firings.
     """
-    if AZIMUTH_TICKS % cell_ticks:
+    if AZIMUTH_TICKS % bin_ticks:
         raise VelocalError(
-            f"an angle cell of {cell_ticks / 100:g} deg does not divide the turn",
+            f"an azimuth bin of {bin_ticks / 100:g} deg does not divide the turn",
             allowed="a divisor of 360 deg in steps of 0.01 deg",
         )
     if len(azimuth) % lasers_per_firing:
@@ -86,7 +92,7 @@ def cell_medians(
     parts = []
     for first in np.unique(first_laser):
         chosen = first_laser == first
-        part = _dense_medians(firing_azimuth[chosen], by_firing[chosen], cell_ticks, min_count)
+        part = _dense_medians(firing_azimuth[chosen], by_firing[chosen], bin_ticks, min_count)
         parts.append((part[0] + first, *part[1:]))
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     order = np.lexsort((columns[1], columns[0]))
@@ -101,32 +107,32 @@ def cell_medians(
 
 
 def _dense_medians(
-    azimuth: NDArray[np.uint16], distance: NDArray[np.uint16], cell_ticks: int, min_count: int
+    azimuth: NDArray[np.uint16], distance: NDArray[np.uint16], bin_ticks: int, min_count: int
 ) -> tuple[NDArray[np.generic], ...]:
-    """Laser column, mean azimuth, median, spread and count of the cells of one block kind."""
-    cell = azimuth // np.uint16(cell_ticks)
-    order = np.argsort(cell, kind="stable")
-    cell = cell[order]
-    cells, begin, firings = np.unique(cell, return_index=True, return_counts=True)
-    row = np.repeat(np.arange(len(cells)), firings)
-    slot = np.arange(len(cell)) - begin[row]
-    dense = np.full((len(cells), int(firings.max()), distance.shape[1]), _NOTHING)
+    """Laser column, mean azimuth, median, spread and count of the bins of one kind of block."""
+    bin_id = azimuth // np.uint16(bin_ticks)
+    order = np.argsort(bin_id, kind="stable")
+    bin_id = bin_id[order]
+    bins, begin, firings = np.unique(bin_id, return_index=True, return_counts=True)
+    row = np.repeat(np.arange(len(bins)), firings)
+    slot = np.arange(len(bin_id)) - begin[row]
+    dense = np.full((len(bins), int(firings.max()), distance.shape[1]), _NOTHING)
     values = distance[order]
     dense[row, slot] = np.where(values == 0, _NOTHING, values)
     count = np.add.reduceat(values != 0, begin, axis=0, dtype=np.int64)
     dense.sort(axis=1)
     mean_azimuth = np.add.reduceat(azimuth[order].astype(np.float64), begin) / firings
 
-    keep_cell, keep_laser = np.nonzero(count >= max(min_count, 1))
-    n = count[keep_cell, keep_laser]
+    keep_bin, keep_laser = np.nonzero(count >= max(min_count, 1))
+    n = count[keep_bin, keep_laser]
 
-    def quantile(share: float) -> NDArray[np.float64]:
+    def quantile(share: float) -> Array:
         # Linear between order statistics, as numpy.quantile; the median is its 0.5.
         place = share * (n - 1)
         low = np.floor(place).astype(np.int64)
-        below = dense[keep_cell, low, keep_laser].astype(np.float64)
-        above = dense[keep_cell, np.minimum(low + 1, n - 1), keep_laser].astype(np.float64)
+        below = dense[keep_bin, low, keep_laser].astype(np.float64)
+        above = dense[keep_bin, np.minimum(low + 1, n - 1), keep_laser].astype(np.float64)
         return np.asarray(below + (place - low) * (above - below))
 
     spread = (quantile(0.75) - quantile(0.25)) / QUARTILES_PER_STD
-    return keep_laser, mean_azimuth[keep_cell], quantile(0.5), spread, n
+    return keep_laser, mean_azimuth[keep_bin], quantile(0.5), spread, n

@@ -79,7 +79,7 @@ class Study:
         Statistics of all windows; every printed cell with the reproduced one.
     figures : sequence of Figure
     surveys : sequence of mapping
-        Pose and planes of every position, as `station.as_dict` with ``position``, ``scanner``.
+        Pose and planes of every position, as `Station.to_json` gives them.
     sets : mapping of str to mapping
         Columns of the parameter sets, by scanner and name.
     factories : mapping of str to LaserParameters

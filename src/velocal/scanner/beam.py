@@ -5,13 +5,16 @@ All functions work on arrays of one element per return; parameters are those of 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.scanner.models import AZIMUTH_TICK_DEG, Scanner
 from velocal.scanner.parameters import LaserParameters
-
-Array = NDArray[np.float64]
 
 
 def beams(phi: Array, alpha: Array, v: Array, voff: Array, hoff: Array) -> tuple[Array, Array]:
@@ -40,7 +43,20 @@ def beams(phi: Array, alpha: Array, v: Array, voff: Array, hoff: Array) -> tuple
 def laser_beams(
     phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
 ) -> tuple[Array, Array]:
-    """Direction and origin of the beams of lasers `laser_id` at rotational angles `phi`."""
+    """Unit direction and origin of the beams of lasers; equation (3).
+
+    Parameters
+    ----------
+    phi : ndarray, shape (n,)
+        Rotational angle, radians.
+    laser_id : ndarray of int, shape (n,)
+    parameters : LaserParameters
+
+    Returns
+    -------
+    direction, origin : ndarray, shape (n, 3)
+        As `beams` gives them.
+    """
     return beams(
         phi,
         parameters.alpha[laser_id],
@@ -53,14 +69,40 @@ def laser_beams(
 def points(
     distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
 ) -> Array:
-    """Points of returns in the scanner frame, metres, shape (n, 3); equations (1) and (2)."""
+    """Points of returns; equations (1) and (2).
+
+    Parameters
+    ----------
+    distance_m, phi : ndarray, shape (n,)
+        Raw distance, metres, and rotational angle, radians.
+    laser_id : ndarray of int, shape (n,)
+    parameters : LaserParameters
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Scanner frame, metres.
+    """
     direction, origin = laser_beams(phi, laser_id, parameters)
     length = distance_m + parameters.dl[laser_id]
     return np.asarray(length[:, None] * direction + origin)
 
 
 def distance_from_ticks(ticks: NDArray[np.generic], tick_m: float) -> Array:
-    """Metres of raw distances; `tick_m` is that of the scanner."""
+    """Convert raw distances.
+
+    Parameters
+    ----------
+    ticks : ndarray
+        Raw distances, of any shape.
+    tick_m : float
+        One tick of the scanner (`Scanner.distance_tick_m`), metres.
+
+    Returns
+    -------
+    ndarray
+        Metres, of the same shape.
+    """
     return ticks.astype(np.float64) * tick_m
 
 
@@ -70,10 +112,95 @@ def angle_from_ticks(
     scanner: Scanner,
     rotation_rate_rad_s: float,
 ) -> Array:
-    """Rotational angle of returns in radians, at the instant at which their laser fired.
+    """Rotational angle of returns at the instant at which their laser fired.
 
-    The raw azimuth belongs to the start of the firing; lasers that fire later
-    (`Scanner.firing_offset_s`) see the head turned on by the rate times the delay.
+    The raw azimuth belongs to the start of the firing; until a laser fires, the head has
+    rotated further by the rate times its delay (`Scanner.azimuth_delay_s`).
+
+    Parameters
+    ----------
+    ticks : ndarray, shape (n,)
+        Raw azimuths of the firings, 0.01 degree.
+    laser_id : ndarray of int, shape (n,)
+    scanner : Scanner
+    rotation_rate_rad_s : float
+        Radians per second.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Radians.
     """
     start = np.deg2rad(ticks.astype(np.float64) * AZIMUTH_TICK_DEG)
-    return np.asarray(start + rotation_rate_rad_s * scanner.firing_offset_s[laser_id])
+    return np.asarray(start + rotation_rate_rad_s * scanner.azimuth_delay_s[laser_id])
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Returns, or medians of them, after they have left raw ticks behind.
+
+    Attributes
+    ----------
+    distance_m : ndarray, shape (n,)
+        Raw distance, before any correction, metres.
+    phi : ndarray, shape (n,)
+        Rotational angle at which the laser fired, radians.
+    laser_id : ndarray of int, shape (n,)
+    tick_m : float
+        One tick of the raw distance, metres: no distance is finer than that.
+    """
+
+    distance_m: Array
+    phi: Array
+    laser_id: NDArray[np.integer]
+    tick_m: float
+
+    @classmethod
+    def from_ticks(
+        cls, columns: Mapping[str, NDArray[Any]], scanner: Scanner, rotation_rate_hz: float
+    ) -> Beams:
+        """Convert rows of a recording.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray, shape (n,)
+            ``laser_id``, ``azimuth`` (0.01 degree) and ``distance`` (ticks) of returns that are
+            not empty, or of medians.
+        scanner : Scanner
+        rotation_rate_hz : float
+            Decides the angle at which the later lasers of a firing fired.
+
+        Returns
+        -------
+        Beams
+            In the order of the rows.
+        """
+        laser_id = columns["laser_id"]
+        rate = 2.0 * np.pi * rotation_rate_hz
+        return Beams(
+            distance_from_ticks(columns["distance"], scanner.distance_tick_m),
+            angle_from_ticks(columns["azimuth"], laser_id, scanner, rate),
+            laser_id,
+            scanner.distance_tick_m,
+        )
+
+    def __len__(self) -> int:
+        return len(self.distance_m)
+
+    def __getitem__(self, rows: NDArray[Any]) -> Beams:
+        """Some of the rows, chosen by number or by a mask."""
+        return Beams(self.distance_m[rows], self.phi[rows], self.laser_id[rows], self.tick_m)
+
+    def points(self, parameters: LaserParameters) -> Array:
+        """Points that a calibration gives.
+
+        Parameters
+        ----------
+        parameters : LaserParameters
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Scanner frame, metres.
+        """
+        return points(self.distance_m, self.phi, self.laser_id, parameters)

@@ -8,10 +8,12 @@ taken from is said where it stands. Angles are in radians, times in seconds, dis
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 
 #: One tick of the raw distance, metres, where a scanner does not say otherwise (VLP-32C, VLS-128).
@@ -28,6 +30,25 @@ FLAG_LOWER = 0xDDFF
 BANK_FLAGS = (FLAG_UPPER, FLAG_LOWER, 0xCCFF, 0xBBFF)
 
 
+class Family(Enum):
+    """Scanners whose lasers fire in the same order: programs treat them alike."""
+
+    HDL64 = "HDL-64E"
+    HDL32 = "HDL-32E"
+    VLP16 = "VLP-16"
+    VLP32 = "VLP-32C"
+    VLS128 = "VLS-128"
+
+    @property
+    def interpolated(self) -> bool:
+        """Whether the manufacturer's formula gives each laser the azimuth of its own firing.
+
+        The manuals of the HDL-64E compute all lasers of a block with the azimuth of the block; the
+        rotation until a laser fires is part of its rotational correction.
+        """
+        return self is not Family.HDL64
+
+
 @dataclass(frozen=True)
 class Scanner:
     """What must be known of a scanner to decode its packets and to place its lasers.
@@ -35,7 +56,9 @@ class Scanner:
     Attributes
     ----------
     name : str
-        Name used in sheets and results.
+        Name used in sample tables and results.
+    family : Family
+        Which scanners fire as this one does.
     n_lasers : int
         Number of lasers; `laser_id` runs from 0 in the order of the wire.
     flags : tuple of int
@@ -47,17 +70,16 @@ class Scanner:
     packet_rate_hz, dual_packet_rate_hz : float
         Packets per second with one and with two returns per shot; the second is NaN where the
         scanner has no such mode.
-    firing_offset_s : ndarray, shape (n_lasers,)
-        Time of a laser after the start of its firing, for azimuth interpolation; zero where
-        the manufacturer's point formula gives all lasers of a block the same azimuth.
+    firing_time_s : ndarray, shape (n_lasers,), or None
+        Time from the start of a firing until each laser fires; None where it is not known.
     vertical_rad : ndarray, shape (n_lasers,)
         Nominal vertical angles.
     rotational_rad : ndarray, shape (n_lasers,)
         Nominal rotational angle corrections.
     horizontal_offset_m, vertical_offset_m : ndarray, shape (n_lasers,)
         Nominal offsets of the lasers.
-    cell_ticks : int
-        Default width of an angle cell in raw azimuth ticks (0.01 deg).
+    azimuth_bin_ticks : int
+        Default width of an azimuth bin in raw azimuth ticks (0.01 deg).
     max_range_m : float
         Largest range that the manufacturer states.
     factory_byte : int or None
@@ -66,59 +88,96 @@ class Scanner:
         One tick of the raw distance.
     other_factory_bytes : tuple of int
         Product bytes that were seen as well.
-    firing_time_s : ndarray, shape (n_lasers,)
-        Time at which a laser fires after the first of its firing, whether or not the
-        manufacturer's formula makes use of it.
-    ships_with_calibration : bool
-        True where the factory hands over a calibration file of every unit; other scanners are
-        made to their nominal values.
     embeds_calibration : bool
-        True where the scanner sends this calibration in the status bytes of its packets.
+        Whether the scanner sends its factory calibration in the status bytes of its packets.
     """
 
     name: str
+    family: Family
     n_lasers: int
     flags: tuple[int, ...]
     firings_per_block: int
     firing_cycle_s: float
     packet_rate_hz: float
     dual_packet_rate_hz: float
-    cell_ticks: int
+    azimuth_bin_ticks: int
     max_range_m: float
     factory_byte: int | None
-    firing_offset_s: NDArray[np.float64] = field(repr=False, compare=False)
-    vertical_rad: NDArray[np.float64] = field(repr=False, compare=False)
-    rotational_rad: NDArray[np.float64] = field(repr=False, compare=False)
-    horizontal_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
-    vertical_offset_m: NDArray[np.float64] = field(repr=False, compare=False)
-    firing_time_s: NDArray[np.float64] = field(repr=False, compare=False)
+    firing_time_s: Array | None = field(repr=False, compare=False)
+    vertical_rad: Array = field(repr=False, compare=False)
+    rotational_rad: Array = field(repr=False, compare=False)
+    horizontal_offset_m: Array = field(repr=False, compare=False)
+    vertical_offset_m: Array = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
-    ships_with_calibration: bool = False
     embeds_calibration: bool = False
+
+    @property
+    def short_name(self) -> str:
+        """Number of lasers, which ends the names of printed statements about the scanner."""
+        return str(self.n_lasers)
 
     @property
     def lasers_per_firing(self) -> int:
         """Lasers in one firing of one block: 32, or 16 for the VLP-16."""
         return 32 // self.firings_per_block
 
-    def cell(self, width_deg: float | None) -> int:
-        """Width of an angle cell in raw azimuth ticks; the default where none is given."""
-        return self.cell_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
+    def azimuth_bin(self, width_deg: float | None) -> int:
+        """Width of an azimuth bin in raw azimuth ticks.
+
+        Parameters
+        ----------
+        width_deg : float or None
+            Degrees; None for the default of the scanner.
+
+        Returns
+        -------
+        int
+            Hundredths of a degree.
+        """
+        return self.azimuth_bin_ticks if width_deg is None else round(width_deg / AZIMUTH_TICK_DEG)
 
     @property
     def paired(self) -> bool:
-        """True where the upper and lower lasers come in blocks of their own (HDL-64E)."""
+        """Whether the upper and lower lasers come in blocks of their own, in turn."""
         return len(self.flags) == 2
 
     @property
+    def sends_status(self) -> bool:
+        """Whether the last two bytes of a packet are a status type and its value.
+
+        Those of all scanners but the HDL-64E are the return mode and the product byte.
+        """
+        return self.factory_byte is None
+
+    @property
+    def coarse_encoder(self) -> bool:
+        """Whether the encoder is too coarse to tell the firing cycle by single azimuth steps.
+
+        That of an HDL-64E gives multiples of 0.09 degree.
+        """
+        return self.family is Family.HDL64
+
+    @property
+    def has_factory_file(self) -> bool:
+        """Whether the factory measures each unit and delivers a calibration file with it."""
+        return self.family is Family.HDL64
+
+    @property
     def factory_bytes(self) -> tuple[int, ...]:
-        """Every product byte that the scanner may send; empty where it sends none."""
+        """Every product byte that the scanner may send; empty if it sends no such byte."""
         return () if self.factory_byte is None else (self.factory_byte, *self.other_factory_bytes)
 
-    def azimuth_step_deg(self, rotation_rate_hz: float) -> float:
-        """Degrees that the head turns from one firing of a laser to its next."""
-        return 360.0 * rotation_rate_hz * self.firing_cycle_s
+    @property
+    def azimuth_delay_s(self) -> Array:
+        """Time from the raw azimuth to the azimuth of each laser in the model, (n_lasers,).
+
+        That is when the laser fires, or zero in families that the manufacturer does not
+        interpolate.
+        """
+        if self.firing_time_s is None or not self.family.interpolated:
+            return np.zeros(self.n_lasers)
+        return self.firing_time_s
 
 
 # HDL-64E: rank from the top of its block of each of the 32 lasers of a block, in the order of
@@ -158,36 +217,36 @@ def _hdl64e(
     )
     return Scanner(
         name=name,
+        family=Family.HDL64,
         n_lasers=64,
         flags=(FLAG_UPPER, FLAG_LOWER),
         firings_per_block=1,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=packet_rate_hz,
         dual_packet_rate_hz=1.0 / (3 * 57.6e-6) if dual else np.nan,
-        cell_ticks=9,
+        azimuth_bin_ticks=9,
         max_range_m=120.0,
         factory_byte=None,
-        firing_offset_s=np.zeros(64),
         vertical_rad=np.deg2rad(vertical),
         rotational_rad=np.deg2rad(rotational),
         horizontal_offset_m=0.026 * side,
         vertical_offset_m=height,
         firing_time_s=1e-6 * (6.0 * (lane // 4) + np.array([0.0, 1.26, 2.46, 3.66])[lane % 4])
         if dual
-        else np.zeros(64),
-        ships_with_calibration=True,
+        else None,
         embeds_calibration=dual,
     )
 
 
 def _one_column(
     name: str,
+    family: Family,
     *,
     vertical_deg: NDArray[np.floating],
     firing_time_s: NDArray[np.floating],
     firing_cycle_s: float,
     firings_per_packet: int,
-    cell_ticks: int,
+    azimuth_bin_ticks: int,
     max_range_m: float,
     factory_byte: int,
     rotational_deg: NDArray[np.floating] | None = None,
@@ -203,6 +262,7 @@ def _one_column(
     rate = 1.0 / (firings_per_packet * firing_cycle_s)
     return Scanner(
         name=name,
+        family=family,
         n_lasers=n,
         flags=BANK_FLAGS[: -(-n // 32)],
         firings_per_block=32 // n or 1,
@@ -211,10 +271,9 @@ def _one_column(
         distance_tick_m=distance_tick_m,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=rate,
-        cell_ticks=cell_ticks,
+        azimuth_bin_ticks=azimuth_bin_ticks,
         max_range_m=max_range_m,
         factory_byte=factory_byte,
-        firing_offset_s=np.asarray(firing_time_s, dtype=np.float64),
         firing_time_s=np.asarray(firing_time_s, dtype=np.float64),
         vertical_rad=np.deg2rad(vertical_deg),
         rotational_rad=np.zeros(n) if rotational_deg is None else np.deg2rad(rotational_deg),
@@ -229,11 +288,12 @@ def _hdl32e() -> Scanner:
     lower = np.arange(32) % 2 == 0
     return _one_column(
         "HDL-32E",
+        Family.HDL32,
         vertical_deg=np.where(lower, -92.0 / 3.0, -28.0 / 3.0) + pair * 4.0 / 3.0,
         firing_time_s=1.152e-6 * np.arange(32.0),
         firing_cycle_s=46.08e-6,
         firings_per_packet=12,
-        cell_ticks=10,
+        azimuth_bin_ticks=10,
         max_range_m=100.0,
         factory_byte=0x21,
     )
@@ -248,11 +308,12 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
     rank = np.arange(16) // 2 + np.where(np.arange(16) % 2 == 0, 0, 8)
     return _one_column(
         name,
+        Family.VLP16,
         vertical_deg=step_deg * (rank - 7.5),
         firing_time_s=2.304e-6 * np.arange(16.0),
         firing_cycle_s=55.296e-6,
         firings_per_packet=24,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=100.0,
         factory_byte=factory_byte,
     )
@@ -275,12 +336,13 @@ def _vlp32c() -> Scanner:
     """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm."""
     return _one_column(
         "VLP-32C",
+        Family.VLP32,
         vertical_deg=_VLP32C_VERTICAL_DEG,
         rotational_deg=-_VLP32C_OFFSET_DEG,
         firing_time_s=2.304e-6 * (np.arange(32) // 2),
         firing_cycle_s=55.296e-6,
         firings_per_packet=12,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=200.0,
         factory_byte=0x28,
         distance_tick_m=0.004,
@@ -314,12 +376,13 @@ def _vls128() -> Scanner:
     group = np.arange(128) // 8
     return _one_column(
         "VLS-128",
+        Family.VLS128,
         vertical_deg=_VLS128_VERTICAL_DEG,
         rotational_deg=np.tile(_VLS128_ROTATIONAL_DEG, 16),
         firing_time_s=2.665e-6 * (group + group // 8),
         firing_cycle_s=53.3e-6,
         firings_per_packet=3,
-        cell_ticks=20,
+        azimuth_bin_ticks=20,
         max_range_m=245.0,
         factory_byte=0xA1,
         other_factory_bytes=(0x63,),
@@ -328,7 +391,7 @@ def _vls128() -> Scanner:
     )
 
 
-#: Every scanner that can be named in a sheet. "HDL-64E" is an S2; an S3 sends alike.
+#: Every scanner that can be named in a sample table. "HDL-64E" is an S2; an S3 sends alike.
 SCANNERS: dict[str, Scanner] = {
     scanner.name: scanner
     for scanner in (
@@ -346,6 +409,16 @@ SCANNERS: dict[str, Scanner] = {
 
 def scanner_named(name: str, *, where: str | None = None) -> Scanner:
     """Look up a scanner.
+
+    Parameters
+    ----------
+    name : str
+    where : str, optional
+        Where the name stands, for the error.
+
+    Returns
+    -------
+    Scanner
 
     Raises
     ------

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.models import Scanner
-
-Array = NDArray[np.float64]
 
 #: The parameters of the scanner model (equations 1-3), in the order of every matrix.
 PARAMETERS = ("dl", "alpha", "v", "voff", "hoff")
@@ -59,10 +57,19 @@ class LaserParameters:
         return len(self.dl)
 
     def corrected(self, corrections: Mapping[str, Array]) -> LaserParameters:
-        """Return the set with corrections added.
+        """Add corrections to some of the parameters.
 
         A correction of `dl` moves the near-point corrections of two-point files by the same
         amount, so that a driver that interpolates between them sees the same change.
+
+        Parameters
+        ----------
+        corrections : mapping of str to ndarray, shape (n,)
+            By parameter, in its unit.
+
+        Returns
+        -------
+        LaserParameters
         """
         changed = {name: getattr(self, name) + value for name, value in corrections.items()}
         carried = dict(self.carried)
@@ -74,7 +81,17 @@ class LaserParameters:
 
 
 def nominal(scanner: Scanner) -> LaserParameters:
-    """Parameters of the design: nominal angles and offsets, no distance correction."""
+    """Make the parameters of the design: nominal angles and offsets, no distance correction.
+
+    Parameters
+    ----------
+    scanner : Scanner
+
+    Returns
+    -------
+    LaserParameters
+        Its arrays are copies.
+    """
     return LaserParameters(
         dl=np.zeros(scanner.n_lasers),
         alpha=scanner.rotational_rad.copy(),

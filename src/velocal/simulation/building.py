@@ -17,12 +17,12 @@ from velocal.errors import ConfigError
 from velocal.simulation.scene import Scene, Surface
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import position_errors
-from velocal.simulation.world import World, pose_of
+from velocal.simulation.world import World, true_pose
 from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
 
-#: Beams begin this near the scanner's origin, metres.
+#: Largest distance of the origin of a beam from the origin of the scanner, metres.
 _REACH_M = 0.2
 
 
@@ -33,7 +33,7 @@ class Face(Surface):
     Attributes
     ----------
     openings : sequence of tuple
-        From, to along `across`, and from, to along `up`, metres.
+        Begin and end along `across`, then begin and end along `up`, metres.
     """
 
     openings: Sequence[tuple[float, float, float, float]] = ()
@@ -57,7 +57,7 @@ def described(world: World) -> Mapping[str, Any]:
     Raises
     ------
     ConfigError
-        If the world has none.
+        If the world file describes no building.
     """
     if world.building is None:
         raise ConfigError(
@@ -122,7 +122,7 @@ def _faces(name: str, box: Mapping[str, Any], height: float) -> Iterator[Face]:
 
 
 def scene(world: World, position: str) -> Scene:
-    """What the scanner sees at a position of the building.
+    """Scene of a position of the building.
 
     Raises
     ------
@@ -134,8 +134,8 @@ def scene(world: World, position: str) -> Scene:
         raise ConfigError(
             f"the building has no position {position!r}", allowed=", ".join(building["positions"])
         )
-    pose = pose_of(building["positions"][position])
-    # A face is seen from its own side only: the others are left out, as they would cost time.
+    pose = true_pose(building["positions"][position])
+    # A face is seen from its own side only. The other faces are left out to save time.
     seen = {
         name: face
         for name, face in surfaces(world).items()
@@ -150,14 +150,14 @@ def scene(world: World, position: str) -> Scene:
 def base_targets(world: World) -> list[Targets]:
     """Targets of the scanner's base at every position, as surveyed in the building's frame.
 
-    They are about as accurate as those at the positions of the test field, whose network is not
-    observed again here: independent errors of `base_std_mm`.
+    No network is observed in the building: the coordinates have independent errors of
+    `base_std_mm`, which is about the accuracy at the positions of the test field.
     """
     building = described(world)
     true, std = base_targets_true(world, building["scanner"]), building["base_std_mm"] * 1e-3
     found = []
     for position, where in building["positions"].items():
         error = world.rng("base", position).normal(0.0, std, true.xyz.shape)
-        xyz = pose_of(where).apply(true.xyz) + error
+        xyz = true_pose(where).apply(true.xyz) + error
         found.append(Targets(true.name, (position,) * len(xyz), xyz, np.full(xyz.shape, std)))
     return found

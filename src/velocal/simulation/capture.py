@@ -18,14 +18,14 @@ from velocal.scanner.models import (
     SCANNERS,
     Scanner,
 )
-from velocal.simulation.scene import Scene, cast, field_scene
+from velocal.simulation.scene import Scene, cast, site_scene
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 from velocal.simulation.truth import drift, factory_parameters, unit_truth
 from velocal.simulation.world import ScannerWorld, World
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000
-#: Of a scanner that has run for long without the halogen light.
+#: Temperature of a scanner that has run for long without the halogen light.
 STEADY_DEG_C = 46.0
 
 
@@ -44,12 +44,13 @@ def _network_header() -> bytes:
 
 @dataclass(frozen=True)
 class Shots:
-    """What a shot at every raw azimuth measures without noise, and its noise.
+    """Shots at every raw azimuth: raw distances without noise, and the noise.
 
     Attributes
     ----------
     ticks, noise : ndarray of float32, shape (36000, n)
-        Raw distance in fractional ticks, NaN for none, and the standard deviation of a shot.
+        Raw distance in fractional ticks, NaN if there is no return, and the standard deviation of
+        a shot in ticks.
     intensity : ndarray of uint8, shape (36000, n)
     """
 
@@ -64,20 +65,20 @@ def shots_at(
     place: str | Scene,
     azimuths: NDArray[np.integer] | None = None,
 ) -> Shots:
-    """Cast the beams of all lasers: what all samples of a position share.
+    """Cast the beams of all lasers; all samples of a position share these shots.
 
     Parameters
     ----------
     world : World
     scanner_name : str
     place : str or Scene
-        Position in the surveyed field, or another scene.
+        Position at the surveyed site, or another scene.
     azimuths : ndarray of int, optional
-        Raw azimuths to cast at; every one if not given, the others have no return.
+        Raw azimuths to cast at; the others have no return. All azimuths if omitted.
     """
     scanner = SCANNERS[scanner_name]
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
-    scene = place if isinstance(place, Scene) else field_scene(world, scanner_name, place)
+    scene = place if isinstance(place, Scene) else site_scene(world, scanner_name, place)
     rows = np.arange(AZIMUTH_TICKS) if azimuths is None else np.unique(azimuths)
     ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
     noise = np.zeros_like(ticks)
@@ -86,8 +87,8 @@ def shots_at(
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
         lasers = np.full(len(rows), laser)
-        # A laser that fires late in its firing sees the head turned on.
-        phi = start + rate * scanner.firing_offset_s[laser]
+        # The head rotates further until a laser fires that is late in its firing.
+        phi = start + rate * scanner.azimuth_delay_s[laser]
         direction, origin = laser_beams(phi, lasers, truth.parameters)
         length, surface = cast(
             scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
@@ -116,15 +117,15 @@ def records(
     ----------
     world : World
     scanner_name, sample : str
-        Scanner and name of the sample; the name selects its random stream.
+        Scanner and name of the sample; the name selects its random numbers.
     position : str or Scene
-        Position in the surveyed field, or another scene.
+        Position at the surveyed site, or another scene.
     rotations : int
-        Complete rotations that the recording holds at least.
+        Least number of complete rotations in the recording.
     progress : callable, optional
         Called with packets done and packets in all.
     shots : Shots, optional
-        Of the position, where they are known already.
+        Of the position; they are cast if omitted.
 
     Yields
     ------
@@ -136,7 +137,7 @@ def records(
     drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
-    # One rotation more and a bit: the recording begins and ends in the middle of one.
+    # More than one rotation is added: the recording begins and ends in the middle of a rotation.
     packets = int(np.ceil((rotations + 1.3) / unit.rotation_rate_hz / packet_interval))
     first_angle = rng.uniform(0.0, 360.0)
     first_stamp = int(rng.integers(0, _HOUR_US))
@@ -149,7 +150,7 @@ def records(
 
     if shots is None:
         azimuths = None
-        if packets * firings_per_packet < AZIMUTH_TICKS:  # comes past few azimuths only
+        if packets * firings_per_packet < AZIMUTH_TICKS:  # it has few azimuths only
             azimuths = _ticks(first_angle + _turned(fired(np.arange(packets)), unit))
         shots = shots_at(world, scanner_name, position, azimuths)
     for begin in range(0, packets, CHUNK_PACKETS):
@@ -181,8 +182,12 @@ def records(
 def _trailing(
     world: World, scanner: Scanner, sample: str
 ) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
-    """What gives the last two bytes of packets, by number, share of the recording and time (us)."""
-    if not scanner.paired:
+    """Function that gives the last two bytes of packets, shape (n, 2).
+
+    Its arguments are the numbers of the packets, their times as shares of the recording, and their
+    times in microseconds since the full hour.
+    """
+    if not scanner.embeds_calibration:
         mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
         return lambda number, share, time_us: np.tile(mode, (len(number), 1))
     rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)
@@ -245,7 +250,7 @@ def _packed(
     status: NDArray[np.uint8],
     header: NDArray[np.uint8],
 ) -> bytes:
-    """Arrange firings in blocks and packets; upper and lower blocks of a firing in turn."""
+    """Arrange firings in blocks and packets; upper and lower blocks of a firing alternate."""
     n = len(stamp)
     per_block = len(scanner.flags)
     block_azimuth = np.repeat(azimuth, per_block).reshape(n, BLOCKS)

@@ -1,6 +1,6 @@
-"""Monte Carlo on the simulated world: stated standard deviations held against truth.
+"""Monte Carlo on the simulated world: stated standard deviations compared with true errors.
 
-Medians are drawn directly (`simulation.draws`), not from packets: the closed loop tests do that.
+Medians are drawn directly (`simulation.draws`). Packets are left to the tests of the closed loop.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 class Outcome:
     """Runs of one method on one station, arrays of shape (runs, lasers, u).
 
-    Lasers are those with beams.
+    The lasers are those that have beams.
 
     Attributes
     ----------
@@ -56,11 +56,23 @@ def outcome(
     solver: Solver,
     stochastic: Stochastic,
 ) -> Outcome:
-    """Adjust every run and compare with its truth.
+    """Adjust every run and compare the result with its truth.
 
-    Iterated until a correction changes by less than a thousandth of its prior standard deviation.
+    The adjustment iterates until no correction changes by more than a thousandth of its prior
+    standard deviation.
+
+    Parameters
+    ----------
+    draws : iterable of Draw
+    at : Geometry
+        Of all draws.
+    names : sequence of str
+        Parameters to adjust.
+    solver : Solver
+    stochastic : Stochastic
+        Its survey is replaced by that of the draw.
     """
-    error, std, inside, held = [], [], [], []
+    error, std, inside, weak = [], [], [], []
     used = np.unique(at.laser_id)
     for draw in draws:
         survey = () if draw.survey is None else (draw.survey,)
@@ -75,24 +87,32 @@ def outcome(
         error.append(difference)
         std.append([result.std for result in results])
         inside.append(np.abs(difference) <= half)
-        held.append([[name in result.held for name in names] for result in results])
+        weak.append([[name in result.weakly_determined for name in names] for result in results])
     return Outcome(
         tuple(names),
         np.array(error),
         np.array(std),
         np.array(inside),
-        np.mean(held, axis=0) < 0.5,
+        np.mean(weak, axis=0) < 0.5,
     )
 
 
 def cramer_rao(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Array:
     """Least standard deviations of unbiased parameters for white noise, shape (lasers, u).
 
-    Roots of the diagonal of (A' M A)^-1 at the factory's parameters, of the lasers with beams;
-    infinite for a laser whose data do not determine all of them.
+    They are the roots of the diagonal of (A' M A)^-1 at the factory's parameters, for the lasers
+    that have beams; infinite for a laser whose data do not determine all parameters.
+
+    Parameters
+    ----------
+    at : Geometry
+    stochastic : Stochastic
+        Sizes of the noise.
+    names : sequence of str
+        Parameters to adjust.
     """
     _, matrix = exact(at).design(at.factory)
-    weighted = matrix / stochastic.row_std(matrix[:, ADJUSTABLE.index("alpha")])[:, None]
+    weighted = matrix / stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])[:, None]
     weighted = weighted[:, [ADJUSTABLE.index(name) for name in names]]
     used = np.unique(at.laser_id)
     bound = np.full((len(used), len(names)), np.inf)
@@ -107,7 +127,8 @@ def cramer_rao(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Ar
 def observable_only(at: Geometry, stochastic: Stochastic, names: Sequence[str]) -> Geometry:
     """Beams of those lasers whose bound is below the prior in all parameters `names`.
 
-    Elsewhere the bound is none: with v in error by degrees the model is no longer linear.
+    For the other lasers the bound does not hold: an error of v by degrees makes the model
+    nonlinear.
     """
     bound = cramer_rao(at, stochastic, names)
     prior = [stochastic.prior_std[name] for name in names]
@@ -140,14 +161,14 @@ def summary(found: Outcome, bound: Array | None = None) -> Iterator[dict[str, An
     ----------
     found : Outcome
     bound : ndarray, shape (lasers, u), optional
-        What errors are compared with; what was stated if omitted.
+        Standard deviations to compare the errors with; the stated ones if omitted.
 
     Yields
     ------
     dict
-        Root mean square error and stated standard deviation over runs and lasers in metres or
-        radians; their ratio, with the least and the greatest of a single laser; the share of
-        95 % intervals that cover the truth, likewise.
+        Root mean square error and stated standard deviation over runs and lasers, in metres or
+        radians; their ratio, and the least and the greatest ratio of a single laser; the share of
+        95 % intervals that cover the truth, and the least and the greatest share of a laser.
     """
     stated = np.sqrt(np.mean(found.std**2, axis=0))
     compared = stated if bound is None else bound

@@ -1,7 +1,7 @@
-"""Medians of a station drawn at random, with truth: no packets, but all errors of the world.
+"""Medians of a station drawn at random, with the truth: without packets, but with all errors.
 
-The beams are fixed, a grid of angles on walls and floor; every draw has true parameters, errors
-of the observations, and a survey that is measured and adjusted anew.
+The beams are fixed, a grid of angles on walls and floor. Every draw has its own true parameters and
+errors of the observations, and a survey that is measured and adjusted anew.
 """
 
 from __future__ import annotations
@@ -19,25 +19,19 @@ from velocal.geometry.rigid import RigidTransformation
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
-from velocal.simulation.scene import Surface, cast, surveyed_field
-from velocal.simulation.survey import base_targets_true, field_book, marks
+from velocal.simulation.scene import Surface, cast, site_surfaces
+from velocal.simulation.survey import base_targets_true, field_book, true_targets
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import ErrorModel, World
 from velocal.survey.network.survey import adjust_field_book
-from velocal.survey.station import (
-    Station,
-    adjust_station,
-    as_dict,
-    plane_covariances,
-    uncertainty_of,
-)
+from velocal.survey.station import Station
 from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
 
 #: Surveyed planes, in the order of the numbers of `Geometry.plane`.
 PLANES = ("short_wall", "long_wall", "floor")
-#: Gates of the study: distance of a beam from the edge of a plane, and its incidence.
+#: Limits of the study: distance of a beam from the edge of a plane (metres), and its incidence.
 EDGE_M, INCIDENCE_RAD = 0.05, np.deg2rad(80.0)
 #: Standard deviation of the median of n normal values, times the root of n.
 MEDIAN_PER_MEAN = np.sqrt(np.pi / 2.0)
@@ -73,13 +67,13 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Draw:
-    """What one run hands to the adjustment, and the truth.
+    """Input of the adjustment in one run, and the truth.
 
     Attributes
     ----------
     observations : Observations
     survey : SurveyUncertainty or None
-        None where pose and planes are exact.
+        None if pose and planes are exact.
     true : LaserParameters
     """
 
@@ -98,16 +92,16 @@ def geometry(
     world : World
     scanner, position : str
     step_deg : float
-        A tenth of the medians, by default, so that runs are quick; about twice the length over
-        which the fixed pattern is correlated, so that the correlation is still there.
+        The default gives a tenth of the medians, so that runs are quick. It is about twice the
+        length over which the fixed pattern is correlated, so that the correlation remains.
     every : int
-        Only every so many of the lasers have beams.
+        One laser of this number has beams; 1 for all lasers.
     """
     known, factory = SCANNERS[scanner], factory_parameters(world, scanner)
     angles = np.deg2rad(np.arange(0.0, 360.0 - 0.5 * step_deg, step_deg))
     laser = np.repeat(np.arange(known.n_lasers), len(angles))
     phi = np.tile(angles, known.n_lasers)
-    surfaces = {name: replace(s, relief=None) for name, s in surveyed_field(world).items()}
+    surfaces = {name: replace(s, relief=None) for name, s in site_surfaces(world).items()}
     pose = world.pose(position)
     direction, origin = laser_beams(phi, laser, factory)
     direction, origin = direction @ pose.rotation.T, pose.apply(origin)
@@ -127,10 +121,18 @@ def geometry(
 def true_parameters(
     rng: np.random.Generator, start: LaserParameters, stochastic: Stochastic, names: Sequence[str]
 ) -> LaserParameters:
-    """Truth about the start, drawn from the prior of the stochastic model.
+    """Draw true parameters about the start from the prior of the stochastic model.
 
-    Intervals that contain prior knowledge can only be right on average over the prior: with the
-    errors of the world instead, a question about the world's constants would be asked.
+    Intervals that contain prior knowledge can only be right on average over the prior. With the
+    errors of the world instead, the result would depend on the constants of the world.
+
+    Parameters
+    ----------
+    rng : Generator
+    start : LaserParameters
+    stochastic : Stochastic
+    names : sequence of str
+        Parameters to draw.
     """
     return start.corrected(
         {
@@ -144,11 +146,21 @@ def true_parameters(
 def white_draws(
     at: Geometry, stochastic: Stochastic, names: Sequence[str], runs: int, seed: int
 ) -> Iterator[Draw]:
-    """Draw runs with white noise of distance and angle as stated, and an exact survey."""
+    """Draw runs with white noise of distance and angle as stated, and an exact survey.
+
+    Parameters
+    ----------
+    at : Geometry
+    stochastic : Stochastic
+        Sizes of the noise, and prior of the true parameters.
+    names : sequence of str
+        Parameters that are drawn.
+    runs, seed : int
+    """
     surfaces = _flat(at.world)
     planes = [_plane_of(surface, at.world.pose(at.position)) for surface in surfaces]
     for run in range(runs):
-        rng = _stream(seed, run)
+        rng = _rng(seed, run)
         true = true_parameters(rng, at.factory, stochastic, names)
         length = _ranges(at, true, surfaces)
         n = len(length)
@@ -169,22 +181,33 @@ def full_draws(
 ) -> Iterator[Draw]:
     """Draw runs with all errors of the world.
 
-    Fixed pattern correlated along azimuth with a size per laser, range scale, shift and drift,
-    noise of the medians of `rotations` shots, ticks, angle steps; base targets and wall targets
-    measured anew in every run, on one of `scenes` reliefs of walls and floor. The common mean
-    of the shifts at a position is left out: it is no scatter.
+    The errors are a fixed pattern correlated along azimuth with a size per laser, range scale,
+    shift and drift, noise of the medians, and angle steps. Base targets and wall targets are
+    measured anew in every run. The common mean of the shifts at a position is left out, as it does
+    not scatter.
+
+    Parameters
+    ----------
+    at : Geometry
+    stochastic : Stochastic
+        Size of the angle steps, and prior of the true parameters.
+    names : sequence of str
+        Parameters that are drawn.
+    runs, seed : int
+    rotations : int
+        Number of shots of a median.
+    scenes : int
+        Number of reliefs of walls and floor; the runs take them in turn.
     """
     errors, n_lasers = at.errors, len(at.factory)
     factors = _pattern_factors(at)
-    worlds = [
-        replace(at.world, seed=int(s)) for s in _stream(seed, 0, 1).integers(2**31, size=scenes)
-    ]
-    fields = [surveyed_field(world) for world in worlds]
-    reliefs = [[field[name] for name in PLANES] for field in fields]
-    targets = [marks(world, world.field["targets"], "targets").xyz for world in worlds]
+    worlds = [replace(at.world, seed=int(s)) for s in _rng(seed, 0, 1).integers(2**31, size=scenes)]
+    sites = [site_surfaces(world) for world in worlds]
+    reliefs = [[site[name] for name in PLANES] for site in sites]
+    targets = [true_targets(world, world.site["targets"], "targets").xyz for world in worlds]
     design = _design(at)
     for run in range(runs):
-        rng = _stream(seed, run, 2)
+        rng = _rng(seed, run, 2)
         true = true_parameters(rng, at.factory, stochastic, names)
         scene = run % scenes
         station = _survey(at, rng, targets[scene], design)
@@ -205,9 +228,8 @@ def full_draws(
         distance += (shift[laser] + size[laser] * pattern) * 1e-2
         distance += median[laser] * 1e-2 * rng.standard_normal(len(laser))
         phi = at.phi + rng.normal(0.0, stochastic.angle_std_rad, len(laser))
-        planes = [fit.plane for fit in station.planes]
-        survey = uncertainty_of(as_dict(station))
-        yield Draw(_observations(at, distance, phi, planes), survey, true)
+        planes = [patch.plane for patch in station.patches]
+        yield Draw(_observations(at, distance, phi, planes), station.uncertainty(), true)
 
 
 def exact(at: Geometry) -> Observations:
@@ -218,12 +240,12 @@ def exact(at: Geometry) -> Observations:
     return _observations(at, distance, at.phi, planes)
 
 
-def _stream(*key: int) -> np.random.Generator:
+def _rng(*key: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(key[0], spawn_key=key[1:]))
 
 
 def _flat(world: World) -> list[Surface]:
-    surfaces = surveyed_field(world)
+    surfaces = site_surfaces(world)
     return [replace(surfaces[name], relief=None) for name in PLANES]
 
 
@@ -235,7 +257,7 @@ def _plane_of(surface: Surface, pose: RigidTransformation) -> Plane:
 
 
 def _ranges(at: Geometry, true: LaserParameters, surfaces: Sequence[Surface]) -> Array:
-    """Range to the plane of every beam, with its relief; the planes have no edge."""
+    """Range to the surface of every beam, with its relief; the surfaces have no edges."""
     direction, origin = laser_beams(at.phi, at.laser_id, true)
     pose = at.world.pose(at.position)
     direction, origin = direction @ pose.rotation.T, pose.apply(origin)
@@ -260,7 +282,7 @@ def _observations(
 
 
 def _pattern_factors(at: Geometry) -> list[Array]:
-    """Factors F per laser: F z has the correlation of a smoothed fixed pattern.
+    """Matrices F per laser: F z, with z of white noise, has the correlation of the fixed pattern.
 
     White noise smoothed by a Gaussian kernel of width k has the correlation exp(-d^2 / 4 k^2).
     """
@@ -276,36 +298,35 @@ def _pattern_factors(at: Geometry) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Design:
-    """Targets of a position with the covariances of their survey, and the roots of these."""
+    """Targets of a position, and covariances of their survey with their matrix roots."""
 
     planes: Targets
     base_scanner: Targets
-    base_field: Targets
+    base_site: Targets
     roots: tuple[Array, Array, Array]
     covariances: Mapping[str, Array]
 
 
 def _design(at: Geometry) -> _Design:
-    """Adjust the survey once, without errors: it tells the covariances that all runs have."""
+    """Adjust the survey once, without errors: its covariances hold for all runs."""
     survey = adjust_field_book(field_book(at.world, noise=False), a_priori=True)
-    parts = survey.planes, survey.readings[at.scanner].targets, survey.base_field[at.position]
+    parts = survey.planes, survey.base_scanner[at.scanner].targets, survey.base_site[at.position]
     roots = []
     for part in parts:
         values, vectors = np.linalg.eigh(part.covariance())
         roots.append(vectors * np.sqrt(np.maximum(values, 0.0)))
-    covariances = plane_covariances(survey.planes)
-    return _Design(*parts, (roots[0], roots[1], roots[2]), covariances)
+    return _Design(*parts, (roots[0], roots[1], roots[2]), survey.planes.plane_covariances())
 
 
 def _survey(at: Geometry, rng: np.random.Generator, targets: Array, design: _Design) -> Station:
     """Survey of the position with new errors of all targets, and its adjustment."""
     base = base_targets_true(at.world, at.scanner).xyz
-    parts = design.planes, design.base_scanner, design.base_field
+    parts = design.planes, design.base_scanner, design.base_site
     true = targets, base, at.world.pose(at.position).apply(base)
-    planes, scanner, field = (
+    planes, scanner, site = (
         replace(part, xyz=xyz + (root @ rng.standard_normal(len(root))).reshape(-1, 3))
         for part, xyz, root in zip(parts, true, design.roots, strict=True)
     )
-    return adjust_station(
-        planes, scanner, field, PLANES, covariances=design.covariances, where="Monte Carlo"
+    return Station.adjust(
+        planes, scanner, site, PLANES, covariances=design.covariances, where="Monte Carlo"
     )

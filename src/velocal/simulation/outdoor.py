@@ -1,7 +1,7 @@
-"""Outdoor scenes: two drywall panels ahead of the scanner, and what comes in between.
+"""Outdoor scenes: two drywall panels ahead of the scanner, with fog and people between them.
 
-A scene has a kind, which holds its constants, and a number, which picks its distance: real3 is
-the third of the kind real. Fog and people change single shots; they are no part of the surfaces.
+A scene has a kind, which has the constants, and a number, which selects the distance: real3 is
+the third scene of the kind real. Fog and people are no surfaces: they change single shots.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
-from velocal.scanner.models import DISTANCE_TICK_M
+from velocal.scanner.models import SCANNERS
 from velocal.simulation.scene import Scene, Surface, draw_relief
 from velocal.simulation.truth import UnitTruth, position_errors, unit_truth
 from velocal.simulation.world import World
 
 Array = NDArray[np.float64]
 
-#: Half the width of the square of ground that is simulated.
+#: Half the width of the simulated square of ground, metres.
 GROUND_M = 150.0
 #: Intensity of the returns of the ground and of the two panels.
 REFLECTANCE = (30.0, 75.0, 75.0)
@@ -30,7 +30,7 @@ REFLECTANCE = (30.0, 75.0, 75.0)
 
 @dataclass(frozen=True)
 class Person:
-    """A person who walks evenly: an upright cylinder in the frame of the scanner.
+    """A person who walks at constant velocity: an upright cylinder in the frame of the scanner.
 
     Attributes
     ----------
@@ -64,15 +64,19 @@ class Air:
     Attributes
     ----------
     truth : UnitTruth
-        Of the scanner; what it would measure to a person.
+        Of the scanner; it gives the raw distance to a person.
+    tick_m : float
+        One tick of the raw distance of the scanner, metres.
     people : sequence of Person
     lost_per_m, early_per_m : float
-        Shots that fog swallows, and shots that it sends back early, per metre of range.
+        Rates per metre of range at which shots are lost in fog, and at which fog reflects them
+        before they reach a surface.
     noise : float
-        Noise that fog adds, as a share of a shot's.
+        Noise that fog adds, as a share of the noise of a shot.
     """
 
     truth: UnitTruth
+    tick_m: float
     people: Sequence[Person]
     lost_per_m: float
     early_per_m: float
@@ -85,19 +89,19 @@ class Air:
         angle: Array,
         ideal: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """Raw distances as `scene.Between` has it."""
+        """Change the raw distances of firings; see `scene.Between`."""
         ticks = ideal.copy()
         for person in self.people:
             self._walk(person, time_s, angle, ticks)
         if not (self.lost_per_m or self.early_per_m or self.noise):
             return ticks
-        length = np.nan_to_num(ticks).astype(np.float64) * DISTANCE_TICK_M
+        length = np.nan_to_num(ticks).astype(np.float64) * self.tick_m
         laser = np.broadcast_to(np.arange(ticks.shape[1]), ticks.shape)
-        noise = self.noise / DISTANCE_TICK_M * self.truth.noise(length, laser).astype(np.float32)
+        noise = self.noise / self.tick_m * self.truth.noise(length, laser).astype(np.float32)
         ticks += noise * rng.standard_normal(ticks.shape, dtype=np.float32)
         chance = rng.random(ticks.shape, dtype=np.float32)
         early = chance < -np.expm1(-self.early_per_m * length)
-        # Fog that sends enough light back is near: the square of an even share of the range.
+        # Fog that reflects enough light is near: the square of a uniform share of the range.
         ticks[early] *= rng.random(int(early.sum()), dtype=np.float32) ** 2
         ticks[1.0 - chance < -np.expm1(-self.lost_per_m * length)] = np.nan
         return ticks
@@ -105,9 +109,9 @@ class Air:
     def _walk(
         self, person: Person, time_s: Array, angle: Array, ticks: NDArray[np.float32]
     ) -> None:
-        """Put a person before what the shots would have met."""
+        """Shorten the raw distances of shots that meet a person before they meet a surface."""
         parameters = self.truth.parameters
-        # Only firings that may meet the person with some laser.
+        # Only firings of which some laser may meet the person.
         centre = person.start + time_s[:, None] * person.velocity
         off = np.mod(angle - np.arctan2(centre[:, 0], centre[:, 1]) + np.pi, 2.0 * np.pi) - np.pi
         reach = 2.0 * person.radius_m / np.hypot(*centre.T) + np.max(np.abs(parameters.alpha))
@@ -120,7 +124,7 @@ class Air:
             met = np.isfinite(flat) & (height > person.bottom_m) & (height < person.top_m)
             raw = self.truth.raw(flat[met] / np.cos(v), np.full(np.count_nonzero(met), laser))
             rows = near[met]
-            ticks[rows, laser] = np.fmin(ticks[rows, laser], raw / DISTANCE_TICK_M)
+            ticks[rows, laser] = np.fmin(ticks[rows, laser], raw / self.tick_m)
 
 
 def scenes(world: World) -> dict[str, float]:
@@ -134,15 +138,16 @@ def scenes(world: World) -> dict[str, float]:
 
 
 def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> Scene:
-    """Build a scene as a scanner meets it.
+    """Build a scene around a scanner.
 
     Parameters
     ----------
     world : World
     scanner, name : str
-        Every scanner has its own tilt in the scene, and meets other people.
+        Name of the scanner, which has its own tilt and its own people in the scene, and of the
+        scene.
     duration_s : float
-        Of the recording: people cross the panels within it.
+        Length of the recording, within which people cross the panels.
 
     Raises
     ------
@@ -153,7 +158,7 @@ def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> S
     if name not in known or world.outdoor is None:
         raise ConfigError(
             f"no scene {name!r} in the simulated world",
-            allowed=", ".join(known) or "none: the world has no `outdoor`",
+            allowed=", ".join(known) or "no scene: the world has no `outdoor`",
             hint="Name another scene, or add a distance to its kind under `outdoor: kinds`.",
         )
     outdoor, distance_m = world.outdoor, known[name]
@@ -170,7 +175,12 @@ def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> S
     people = _people(rng, kind["people"], outdoor, distance_m, duration_s)
     fog = kind["fog"]
     air = Air(
-        unit_truth(world, scanner), people, fog["lost_per_m"], fog["early_per_m"], fog["noise"]
+        truth=unit_truth(world, scanner),
+        tick_m=SCANNERS[scanner].distance_tick_m,
+        people=people,
+        lost_per_m=fog["lost_per_m"],
+        early_per_m=fog["early_per_m"],
+        noise=fog["noise"],
     )
     errors = outdoor["position_share"] * position_errors(world, scanner, name)
     return Scene(surfaces, np.array(REFLECTANCE), pose, errors, air)
@@ -183,7 +193,7 @@ def _ground() -> Surface:
 
 
 def _panels(world: World, name: str, distance_m: float) -> dict[str, Surface]:
-    """Two upright panels side by side, each turned a little; the same for every scanner."""
+    """Two upright panels side by side, each turned by a small angle; the same for every scanner."""
     outdoor = world.outdoor or {}
     panel: Mapping[str, Any] = outdoor["panel"]
     width, height, gap = panel["width_m"], panel["height_m"], panel["gap_m"]

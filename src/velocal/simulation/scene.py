@@ -18,17 +18,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Relief:
-    """Smooth deviation of a surface from its plane, metres towards the scanner's side.
+    """Smooth deviation of a surface from its plane, in metres along its normal.
 
-    A sum of cosines whose mean is what was printed, and one bump that reaches the printed
-    largest deviation.
+    A sum of cosines whose mean absolute value is the printed one, and one bump that reaches the
+    printed largest deviation.
+
+    Attributes
+    ----------
+    waves : ndarray, shape (n, 4)
+        Amplitude (metres), wave numbers along `across` and `up` (radians per metre), phase.
+    bump : ndarray, shape (4,)
+        Height, centre along `across` and `up`, and width (metres); no bump if the height is zero.
     """
 
     waves: Array
     bump: Array
 
     def __call__(self, across: Array, up: Array) -> Array:
-        """Deviation at coordinates in the plane, metres."""
+        """Deviation at coordinates in the plane, metres, in the shape of the coordinates."""
         height = np.zeros_like(across)
         for size, wave_a, wave_b, phase in self.waves:
             height += size * np.cos(wave_a * across + wave_b * up + phase)
@@ -82,7 +89,7 @@ class Surface:
 
 
 class Between(Protocol):
-    """What moves or floats between scanner and surfaces, and changes single shots."""
+    """Whatever is between scanner and surfaces, and changes single shots: fog, people."""
 
     def __call__(
         self,
@@ -91,18 +98,32 @@ class Between(Protocol):
         angle: Array,
         ideal: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """Raw distances, ticks, of firings, shape (n, lasers), at times and azimuths (radians)."""
+        """Change the raw distances of firings.
+
+        Parameters
+        ----------
+        rng : Generator
+        time_s, angle : ndarray, shape (n,)
+            Time since the start of the recording, and azimuth of the head (radians).
+        ideal : ndarray of float32, shape (n, lasers)
+            Raw distances without noise, ticks; NaN for none.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, lasers)
+            Ticks.
+        """
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a scanner stands in.
+    """Surroundings of a scanner, its pose, and the errors that it has there.
 
     Attributes
     ----------
     surfaces : dict of str to Surface
     reflectance : ndarray
-        Intensity of the returns of each.
+        Intensity of the returns of each surface.
     pose : RigidTransformation
         `T_scene_scanner`.
     errors : ndarray, shape (36000, n) or (36000, 1)
@@ -122,8 +143,16 @@ def draw_relief(
 ) -> Relief:
     """Draw a relief whose mean and largest absolute deviation are as printed.
 
-    They are about the plane that fits best, as a surveyor finds them. Waves are drawn until
-    their largest deviation is as small, compared with the mean, as what is printed.
+    Both are deviations from the plane that fits best, as a surveyor finds them. Waves are drawn
+    until the ratio of their largest to their mean deviation is at most the printed one.
+
+    Parameters
+    ----------
+    rng : Generator
+    size : tuple of float
+        Extent of the surface, metres.
+    flatness : mapping of str to float
+        ``mean_mm`` and ``max_mm``.
     """
     mean_m, max_m = flatness["mean_mm"] * 1e-3, flatness["max_mm"] * 1e-3
     wanted = 0.95 * max_m / mean_m if mean_m else np.inf
@@ -159,7 +188,7 @@ def _draw_waves(rng: np.random.Generator, n: int) -> Array:
 def _about_plane(
     relief: Relief, size: tuple[float, float], steps: int
 ) -> tuple[Array, Array, Array]:
-    """Coordinates of a grid, and heights of a relief there above its best plane."""
+    """Coordinates of a grid, and the heights of a relief there above its best plane, metres."""
     grid = [np.linspace(0.0, extent, steps) for extent in size]
     a, b = (side.ravel() for side in np.meshgrid(*grid))
     height = relief(a, b)
@@ -168,24 +197,24 @@ def _about_plane(
     return a, b, height - plane @ best
 
 
-def surveyed_field(world: World) -> dict[str, Surface]:
-    """Build the surveyed surfaces and the room behind them, in the field frame."""
-    field: Mapping[str, Any] = world.field
+def site_surfaces(world: World) -> dict[str, Surface]:
+    """Build the surveyed surfaces and the room behind them, in the site frame."""
+    site: Mapping[str, Any] = world.site
     ex, ey, ez = np.eye(3)
-    height = field["wall_height_m"]
+    height = site["wall_height_m"]
 
     def surveyed(
         name: str, across: Array, up: Array, normal: Array, size: tuple[float, float]
     ) -> Surface:
-        relief = draw_relief(world.rng("relief", name), size, field["flatness"][name])
+        relief = draw_relief(world.rng("relief", name), size, site["flatness"][name])
         return Surface(name, np.zeros(3), across, up, normal, size, relief)
 
     surfaces = [
-        surveyed("short_wall", ey, ez, ex, (field["short_wall_m"], height)),
-        surveyed("long_wall", ex, ez, ey, (field["long_wall_m"], height)),
-        surveyed("floor", ex, ey, ez, tuple(field["floor_m"])),
+        surveyed("short_wall", ey, ez, ex, (site["short_wall_m"], height)),
+        surveyed("long_wall", ex, ez, ey, (site["long_wall_m"], height)),
+        surveyed("floor", ex, ey, ez, tuple(site["floor_m"])),
     ]
-    (x0, x1), (y0, y1), top = field["room_x_m"], field["room_y_m"], field["room_height_m"]
+    (x0, x1), (y0, y1), top = site["room_x_m"], site["room_y_m"], site["room_height_m"]
     corner = np.array([x0, y0, 0.0])
     wide, deep = x1 - x0, y1 - y0
     surfaces += [
@@ -193,16 +222,16 @@ def surveyed_field(world: World) -> dict[str, Surface]:
         Surface("room_right", corner + wide * ex, ey, ez, -ex, (deep, top)),
         Surface("room_front", corner, ex, ez, ey, (wide, top)),
         Surface("room_back", corner + deep * ey, ex, ez, -ey, (wide, top)),
-        # A hair below the surveyed part, which therefore is met first.
+        # 4 mm below the surveyed floor, so that beams meet the surveyed floor first.
         Surface("room_floor", corner - 0.004 * ez, ex, ey, ez, (wide, deep)),
         Surface("room_ceiling", corner + top * ez, ex, ey, -ez, (wide, deep)),
     ]
     return {surface.name: surface for surface in surfaces}
 
 
-def field_scene(world: World, scanner: str, position: str) -> Scene:
-    """The surveyed field, seen from a position."""
-    surfaces = surveyed_field(world)
+def site_scene(world: World, scanner: str, position: str) -> Scene:
+    """Scene of the surveyed site at a position of a scanner."""
+    surfaces = site_surfaces(world)
     return Scene(
         surfaces,
         np.array([70.0, 75.0, 35.0, *[55.0] * (len(surfaces) - 3)]),
@@ -214,7 +243,21 @@ def field_scene(world: World, scanner: str, position: str) -> Scene:
 def cast(
     surfaces: dict[str, Surface], origin: Array, direction: Array
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Range and index of the first surface that each beam meets; infinite and -1 for none."""
+    """Cast beams on surfaces.
+
+    Parameters
+    ----------
+    surfaces : dict of str to Surface
+    origin, direction : ndarray, shape (n, 3)
+        Of every beam; the directions are unit vectors.
+
+    Returns
+    -------
+    range : ndarray, shape (n,)
+        To the first surface that the beam meets, metres; infinite if it meets none.
+    index : ndarray of int, shape (n,)
+        Of that surface; -1 if there is none.
+    """
     ranges = np.stack([surface.meet(origin, direction) for surface in surfaces.values()])
     first = np.argmin(ranges, axis=0)
     nearest = np.take_along_axis(ranges, first[None], axis=0)[0]

@@ -38,21 +38,21 @@ _S3_TYPES = {
 def encode_table(parameters: LaserParameters, *, rpm: int = 600, series: str = "S2") -> np.ndarray:
     """Encode the factory's table, 1820 bytes.
 
-    Values that the set does not carry get those that have no effect (`lasers.neutral`).
+    Values that the parameters do not carry are set to those without effect (`lasers.neutral`).
 
     Parameters
     ----------
     parameters : LaserParameters
-        Of 64 lasers; rounded to what the wire holds.
+        Of 64 lasers; they are rounded to the units of the status bytes.
     rpm : int
-        Spin rate that the table tells.
+        Spin rate in the table.
     series : {"S2", "S3"}
         The S2 ends with the length of the table, the S3 with a CRC.
 
     Raises
     ------
     CalibrationFileError
-        If a value is not finite or does not fit the integers of the wire.
+        If a value is not finite or does not fit the integers of the status bytes.
     """
     rows = [lasers.neutral(row) for row in lasers.rows(Path("status bytes"), parameters)]
     table = np.zeros(1, dtype=TABLE)
@@ -79,7 +79,19 @@ def encode_table(parameters: LaserParameters, *, rpm: int = 600, series: str = "
 
 
 def table_packets(table: np.ndarray, series: str = "S2") -> NDArray[np.uint8]:
-    """Spread a table over 4160 packets; the status values proper are left zero, shape (4160, 2)."""
+    """Spread a table over the status bytes of 4160 packets.
+
+    Parameters
+    ----------
+    table : ndarray of uint8, shape (1820,)
+        From `encode_table`.
+    series : {"S2", "S3"}
+
+    Returns
+    -------
+    ndarray of uint8, shape (4160, 2)
+        Status type and value; the values of the scanner's state (time, temperature) are zero.
+    """
     packets = np.zeros((CYCLES, CYCLE, 2), dtype=np.uint8)
     opening = len(OPENING)
     packets[:, :opening, 0] = np.frombuffer(OPENING, np.uint8)
@@ -106,20 +118,21 @@ def status_bytes(
     packets : ndarray, shape (4160, 2)
         From `table_packets`.
     number : ndarray, shape (n,)
-        Running number of the packets; 0 opens the table.
+        Running number of the packets; the table begins at number 0.
     time_us : ndarray, shape (n,)
         Microseconds since the full hour before the recording.
     temperature_deg_c : ndarray, shape (n,)
+        Temperature of the scanner at every packet.
     """
     status = packets[number % TABLE_PACKETS].copy()
     hour, day, month, year = _STARTED
     seconds = time_us // 1_000_000
-    proper = np.zeros((len(number), len(OPENING)), dtype=np.int64)
-    proper[:, :3] = np.stack([hour + seconds // 3600, seconds // 60 % 60, seconds % 60], axis=1)
-    proper[:, 0] %= 24
-    proper[:, 3:] = (day, month, year, 0, 0, FIRMWARE)
-    proper[:, 7] = np.rint(temperature_deg_c)
+    state = np.zeros((len(number), len(OPENING)), dtype=np.int64)
+    state[:, :3] = np.stack([hour + seconds // 3600, seconds // 60 % 60, seconds % 60], axis=1)
+    state[:, 0] %= 24
+    state[:, 3:] = (day, month, year, 0, 0, FIRMWARE)
+    state[:, 7] = np.rint(temperature_deg_c)
     place = number % CYCLE
     at = np.flatnonzero(place < len(OPENING))
-    status[at, 1] = proper[at, place[at]].astype(np.uint8)
+    status[at, 1] = state[at, place[at]].astype(np.uint8)
     return status

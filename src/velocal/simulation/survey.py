@@ -1,4 +1,4 @@
-"""What the surveyor of the simulated world hands over: field books, not coordinates."""
+"""What the surveyor of the simulated world hands over: a field book, not coordinates."""
 
 from __future__ import annotations
 
@@ -9,26 +9,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.simulation.scene import Surface, surveyed_field
+from velocal.simulation.scene import Surface, site_surfaces
 from velocal.simulation.world import World
-from velocal.survey.network.model import Control, Observed, ray_equations, sight_equations
-from velocal.survey.network.observations import FieldBook
+from velocal.survey.network.field_book import FieldBook
+from velocal.survey.network.model import (
+    ControlPoints,
+    ImageObservations,
+    PolarObservations,
+    image_equations,
+    polar_equations,
+)
 from velocal.survey.targets import Targets
 
 Array = NDArray[np.float64]
+#: Least distance of a target from the edge of a surface, metres.
 _EDGE_M = 0.05
 _ARCSEC = np.pi / 648e3
 
 
 @dataclass(frozen=True)
-class Marks:
-    """Marked points on walls and floor, as they are.
+class TrueTargets:
+    """Targets on walls and floor at their true places.
 
     Attributes
     ----------
     name, surface : tuple of str
+        Names of the targets, and of the surfaces that they are on.
     xyz, normal : ndarray, shape (n, 3)
-        Metres, field frame; the normal of the surface.
+        Coordinates in the true site frame, metres, and unit normals of the surfaces.
     """
 
     name: tuple[str, ...]
@@ -37,27 +45,27 @@ class Marks:
     normal: Array
 
 
-def marks(world: World, counts: Mapping[str, int], stream: str) -> Marks:
-    """Points on the true surfaces, a jittered grid: they cover a surface to its edges.
+def true_targets(world: World, counts: Mapping[str, int], rng_name: str) -> TrueTargets:
+    """Targets on the true surfaces, on a grid with random shifts that reaches to the edges.
 
     Parameters
     ----------
     world : World
     counts : mapping of str to int
-        Points on every surface.
-    stream : str
-        Name of the random stream.
+        Number of targets on every surface.
+    rng_name : str
+        Name of the random numbers; its first letter stands in the names of the targets.
     """
-    surfaces = surveyed_field(world)
+    surfaces = site_surfaces(world)
     names: list[str] = []
     xyz = []
     for name, count in counts.items():
-        rng = world.rng(stream, name)
+        rng = world.rng(rng_name, name)
         xyz.append(_scattered(surfaces[name], count, rng))
-        names += [f"{name}_{stream[0]}{i + 1:03d}" for i in range(count)]
+        names += [f"{name}_{rng_name[0]}{i + 1:03d}" for i in range(count)]
     surface = [name for name, count in counts.items() for _ in range(count)]
     normal = np.array([surfaces[name].normal for name in surface])
-    return Marks(tuple(names), tuple(surface), np.concatenate(xyz), normal)
+    return TrueTargets(tuple(names), tuple(surface), np.concatenate(xyz), normal)
 
 
 def _scattered(surface: Surface, count: int, rng: np.random.Generator) -> Array:
@@ -74,7 +82,7 @@ def _scattered(surface: Surface, count: int, rng: np.random.Generator) -> Array:
 
 
 def base_targets_true(world: World, scanner: str) -> Targets:
-    """Targets on a scanner's base as they are, scanner frame."""
+    """Targets on a scanner's base at their true places, in the scanner frame."""
     layout: Mapping[str, Any] = world.scanner(scanner).base_targets
     radius, count = layout["radius_m"], layout["count"]
     if layout["layout"] == "two_sides":
@@ -98,16 +106,14 @@ def field_book(world: World, *, noise: bool = True) -> FieldBook:
     ----------
     world : World
     noise : bool
-        Without it the observations are exact, and their standard deviations as stated.
+        If false, the observations are exact, and their standard deviations are the same.
     """
     survey = world.survey
-    control = marks(world, survey["control"], "control")
-    targets = marks(world, world.field["targets"], "targets")
+    control = true_targets(world, survey["control"], "control")
+    targets = true_targets(world, world.site["targets"], "targets")
     pointing = survey["total_station"]["pointing_mm"]
     network = [
-        _sights(
-            world, f"S{number + 1}", place, [(control.name, control.xyz, pointing, True)], noise
-        )
+        _polar(world, f"S{number + 1}", place, [(control.name, control.xyz, pointing, True)], noise)
         for number, place in enumerate(survey["stations"])
     ]
     bases = {}
@@ -117,59 +123,66 @@ def field_book(world: World, *, noise: bool = True) -> FieldBook:
         base = world.pose(position).apply(true.xyz)
         fine = world.scanner(scanner).base_pointing_mm
         what = [(control.name, control.xyz, pointing, True), (true.name, base, fine, False)]
-        bases[position] = _joined(
-            [_sights(world, f"{position}_{i + 1}", at, what, noise) for i, at in enumerate(setups)]
+        bases[position] = PolarObservations.joined(
+            [_polar(world, f"{position}_{i + 1}", at, what, noise) for i, at in enumerate(setups)]
         )
     sketch = survey["sketch_mm"] * 1e-3
     return FieldBook(
-        control=Control(control.name, sketch * np.round(control.xyz / sketch) + 0.0),
+        control=ControlPoints(control.name, sketch * np.round(control.xyz / sketch) + 0.0),
         planes=dict(zip(targets.name, targets.surface, strict=True)),
-        network=_joined(network),
+        polar=PolarObservations.joined(network),
         images=_images(world, control, targets, noise),
-        base_sights=bases,
-        base_readings={scanner: _readings(world, scanner, noise) for scanner in world.scanners},
+        base_polar=bases,
+        base_coordinates={unit: _repeated(world, unit, noise) for unit in world.scanners},
     )
 
 
-def _sights(
+def _polar(
     world: World,
-    station: str,
+    setup: str,
     place: Sequence[float],
     targets: Sequence[tuple[tuple[str, ...], Array, float, bool]],
     noise: bool,
-) -> Observed:
-    """Sights of one set-up to targets: names, coordinates, error of pointing, with distances."""
+) -> PolarObservations:
+    """Observations of one set-up of the total station.
+
+    Parameters
+    ----------
+    world : World
+    setup : str
+        Its name.
+    place : sequence of float
+        True coordinates of the instrument in the site frame, metres.
+    targets : sequence of tuple
+        Groups of targets: names, coordinates (m, 3), standard deviation of pointing (mm), and
+        whether distances are measured.
+    noise : bool
+    """
     instrument: Mapping[str, float] = world.survey["total_station"]
-    rng = world.rng("sights", station)
+    rng = world.rng("sights", setup)
     zero = rng.uniform(-np.pi, np.pi)
     values, stds = [], []
     for _, xyz, pointing_mm, with_distance in targets:
-        value, _, _ = sight_equations(xyz, np.tile([*place, zero], (len(xyz), 1)))
+        value, _, _ = polar_equations(xyz, np.tile([*place, zero], (len(xyz), 1)))
         length = value[:, 2]
-        # Sight lines to a wall are short: pointing at the target counts more than the circle.
+        # The distances are short: the error of pointing at the target exceeds that of the circle.
         angle = np.hypot(instrument["angle_arcsec"] * _ARCSEC, pointing_mm * 1e-3 / length)
         distance = instrument["distance_mm"] * 1e-3 + instrument["distance_ppm"] * 1e-6 * length
-        # A steep sight turns the direction by more than it misses the target.
+        # The same lateral error changes the direction by more if the line of sight is steep.
         std = np.column_stack([angle / np.sin(value[:, 1]), angle, distance])
         if not with_distance:
             value[:, 2] = std[:, 2] = np.nan
         values.append(value + (rng.normal(size=value.shape) * std if noise else 0.0))
         stds.append(std)
     names = tuple(name for part in targets for name in part[0])
-    return Observed((station,) * len(names), names, np.concatenate(values), np.concatenate(stds))
+    value, std = np.concatenate(values), np.concatenate(stds)
+    return PolarObservations((setup,) * len(names), names, value, std)
 
 
-def _joined(parts: Sequence[Observed]) -> Observed:
-    return Observed(
-        tuple(name for part in parts for name in part.setup),
-        tuple(name for part in parts for name in part.target),
-        np.concatenate([part.value for part in parts]),
-        np.concatenate([part.std for part in parts]),
-    )
-
-
-def _images(world: World, control: Marks, targets: Marks, noise: bool) -> Observed:
-    """Image rays of every target that a camera sees, not too obliquely."""
+def _images(
+    world: World, control: TrueTargets, targets: TrueTargets, noise: bool
+) -> ImageObservations:
+    """Image coordinates of every target that a camera sees at no too large incidence."""
     camera: Mapping[str, Any] = world.survey["camera"]
     principal = camera["principal_distance_mm"]
     half = np.array(camera["sensor_mm"]) / (2.0 * principal)
@@ -188,24 +201,25 @@ def _images(world: World, control: Marks, targets: Marks, noise: bool) -> Observ
         ray = xyz - place
         steep = -np.sum(ray * normal, axis=1) / np.linalg.norm(ray, axis=1)
         seen = (ray @ forward > 0.0) & (steep > np.cos(np.deg2rad(camera["incidence_deg"])))
-        value, _, _ = ray_equations(
+        value, _, _ = image_equations(
             xyz, np.tile(place, (len(xyz), 1)), np.tile(rotation, (len(xyz), 1, 1))
         )
         seen &= (np.abs(value) < half).all(axis=1)
-        # Errors of all points are drawn, so that no point's depend on what else is seen.
+        # Errors of all points are drawn, so that those of a point depend on no other point.
         error = world.rng("image", image).normal(0.0, std, value.shape) if noise else 0.0
         value = (value + error)[seen]
         found = tuple(str(name) for name in names[seen])
-        parts.append(Observed((image,) * len(found), found, value, np.full(value.shape, std)))
-    return _joined(parts)
+        std_of_all = np.full(value.shape, std)
+        parts.append(ImageObservations((image,) * len(found), found, value, std_of_all))
+    return ImageObservations.joined(parts)
 
 
-def _readings(world: World, scanner: str, noise: bool) -> Targets:
-    """Repeated readings of the targets of a base, scanner frame."""
+def _repeated(world: World, scanner: str, noise: bool) -> Targets:
+    """Repeated coordinates of the targets of a base, in the scanner frame."""
     how = world.scanner(scanner).base_scanner
     true = base_targets_true(world, scanner)
     rows = np.repeat(np.arange(len(true.name)), how["readings"]).tolist()
     std = np.tile(np.array(how["std_mm"]) * 1e-3, (len(rows), 1))
-    taken = true.take(rows)
+    repeated = true.take(rows)
     error = world.rng("base_readings", scanner).normal(size=std.shape) * std if noise else 0.0
-    return Targets(taken.name, taken.group, taken.xyz + error, std)
+    return Targets(repeated.name, repeated.group, repeated.xyz + error, std)

@@ -1,4 +1,4 @@
-"""Truth of the simulated world: drawn from the seed, the same wherever it is needed."""
+"""Truth of the simulated world: drawn from the seed, and therefore the same at every call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 #: Ranges at which the factory calibrates an HDL-64E S2 besides its far point (manual).
 NEAR_POINTS_M = {"x": 2.4, "y": 1.93}
-#: Times at which drifts are given; in between they are linear.
+#: Number of times at which drifts are given; between them they are linear.
 DRIFT_NODES = 13
 
 
@@ -40,7 +40,7 @@ def factory_parameters(world: World, scanner: str) -> LaserParameters:
             ),
         }
     )
-    # The corrections of the near points, as the factory measured them: right but for near_cm.
+    # The corrections of the near points as the factory measured them, with an error of near_cm.
     dl, scale, _ = _range_truth(world, scanner, far.dl)
     near = {
         f"dist_correction_{axis}": dl - scale * at_m + rng.normal(0.0, model.near_cm * 1e-2, n)
@@ -58,13 +58,13 @@ class UnitTruth:
     parameters : LaserParameters
         True dl, alpha, v, voff, hoff.
     range_scale : ndarray, shape (n,)
-        Share of the range that is measured too long, up to `far_point_m`.
+        Error of the measured distance as a share of the range, up to `far_point_m`.
     far_point_m : float
-        Beyond this range the error stays as it is.
+        Beyond this range the error is constant.
     noise_m : ndarray, shape (n,)
         Standard deviation of a single shot at short range.
     noise_range_m : float
-        Range at which its square has doubled.
+        Range at which the variance of a shot has doubled, metres.
     """
 
     parameters: LaserParameters
@@ -74,14 +74,28 @@ class UnitTruth:
     noise_range_m: float
 
     def raw(self, length: Array, laser: NDArray[np.integer]) -> Array:
-        """Raw distance that lasers measure at ranges, without noise, metres."""
+        """Raw distances without noise, metres.
+
+        Parameters
+        ----------
+        length : ndarray, shape (n,)
+            True ranges, metres.
+        laser : ndarray of int, shape (n,)
+        """
         stretched = self.range_scale[laser] * np.minimum(length, self.far_point_m)
         return np.asarray(length + stretched - self.parameters.dl[laser])
 
     def noise(self, length: Array, laser: NDArray[np.integer]) -> Array:
-        """Standard deviation of a shot at ranges, metres.
+        """Standard deviations of shots, metres.
 
-        Flat at short range and growing with the square at long range, as in real recordings.
+        Constant at short range, and growing with the square of the range at long range, as in
+        real recordings.
+
+        Parameters
+        ----------
+        length : ndarray, shape (n,)
+            True ranges, metres.
+        laser : ndarray of int, shape (n,)
         """
         return np.asarray(self.noise_m[laser] * np.sqrt(1.0 + (length / self.noise_range_m) ** 4))
 
@@ -106,9 +120,16 @@ def unit_truth(world: World, scanner: str) -> UnitTruth:
 def even_normal(rng: np.random.Generator, n: int, limit: float = np.inf) -> Array:
     """Draw n standard normal values, one from each of n equally likely intervals, in random order.
 
-    With a limit the distribution is cut at so many standard deviations, and scaled to have the
-    standard deviation 1 again. A unit has 64 or 32 lasers, whose values would else differ from
-    unit to unit in their mean and spread by more than the study's tables can tell.
+    A unit has 64 or 32 lasers. The mean and the spread of independent values would differ from unit
+    to unit by more than the tables of the study allow.
+
+    Parameters
+    ----------
+    rng : Generator
+    n : int
+    limit : float
+        The distribution is cut at this number of standard deviations, and scaled to the standard
+        deviation 1 again.
     """
     share = (rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n
     inside = 1.0 - 2.0 * ndtr(-limit)
@@ -122,13 +143,13 @@ def even_normal(rng: np.random.Generator, n: int, limit: float = np.inf) -> Arra
 def _range_truth(world: World, scanner: str, factory_dl: Array) -> tuple[Array, Array, float]:
     """True dl (at range zero), range scale, and the range up to which the scale holds.
 
-    The factory's dl is that of its far point: there the error is drawn, and the scale leads from
-    there to all other ranges. This is the cause that the two-point correction of the units mends.
+    The dl of the factory holds at its far point: the error is drawn for that range, and the range
+    scale gives the error at all other ranges. The two-point correction of the units compensates it.
     """
     errors = world.scanner(scanner).errors
     rng = world.rng("range", scanner)
     n = len(factory_dl)
-    # The factory's distances come out too long by the mean: the true correction is less.
+    # With the factory's dl, distances are too long by the mean: the true dl is smaller.
     far = (errors.dl_mean_cm + errors.dl_cm * even_normal(rng, n, errors.dl_limit)) * 1e-2
     scale = errors.range_scale_cm_per_m * 1e-2 * even_normal(rng, n)
     return factory_dl - far + errors.far_point_m * scale, scale, errors.far_point_m
@@ -161,8 +182,8 @@ def position_errors(world: World, scanner: str, position: str) -> Array:
 def drift(world: World, scanner: str, sample: str) -> Array:
     """Range drift of a sample at evenly spaced times, metres, shape (`DRIFT_NODES`, n).
 
-    Steady for the sample, common and per laser; per laser at beginning, middle and end; and with
-    the temperature of the scanner, common and per laser.
+    The sum of a constant of the sample (common and per laser), of values per laser at beginning,
+    middle and end, and of the effect of the scanner's temperature (common and per laser).
     """
     errors = world.scanner(scanner).errors
     rng = world.rng("drift", scanner, sample)

@@ -1,4 +1,4 @@
-"""Constants of the simulated world as typed objects, and its random streams."""
+"""Constants of the simulated world as typed objects, and its random numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 from velocal.study.world import read_world
 
-#: Share that is left of the surveyor's errors in a world without errors.
+#: Factor of the surveyor's errors in a world without errors; zero would make them singular.
 _TINY = 1e-6
 
 
@@ -66,19 +66,19 @@ class FactoryModel:
 
 @dataclass(frozen=True)
 class Warmth:
-    """What drives the drifts: the scanner's temperature over the minutes of a recording.
+    """Temperature of the scanner over the minutes of a recording; it causes drifts.
 
     Attributes
     ----------
     duration_s : float
-        Length of the recordings that are stood for, however many rotations are simulated.
+        Length of the recordings of the study; the simulated ones may hold fewer rotations.
     time_constant_s : float
-        Of the way to the steady temperature.
+        Time constant with which the temperature approaches the steady one.
     halogen_k : float
-        How much warmer it is steadily while the halogen light is on.
+        Rise of the steady temperature while the halogen light is on, kelvin.
     samples : mapping of str to mapping
         By sample, `halogen` (bool) and `start_k`: the temperature at the start above that of a
-        scanner that has run for long without the light. Other samples start there.
+        scanner that has run for long without the light. Other samples start at zero.
     """
 
     duration_s: float
@@ -87,7 +87,14 @@ class Warmth:
     samples: Mapping[str, Mapping[str, Any]]
 
     def temperature_k(self, sample: str, share: np.ndarray) -> np.ndarray:
-        """Temperature above the steady one without light, at shares of the recording."""
+        """Temperature above the steady one without light, kelvin.
+
+        Parameters
+        ----------
+        sample : str
+        share : ndarray
+            Times from 0 (start of the recording) to 1 (its end).
+        """
         case = self.samples.get(sample, {"halogen": False, "start_k": 0.0})
         steady = self.halogen_k if case["halogen"] else 0.0
         return np.asarray(
@@ -98,7 +105,7 @@ class Warmth:
 
 @dataclass(frozen=True)
 class ScannerWorld:
-    """A simulated unit."""
+    """Constants of a simulated unit, as the world file names them."""
 
     rotation_rate_hz: float
     rotation_rate_variation: float
@@ -114,10 +121,10 @@ class ScannerWorld:
 
 @dataclass(frozen=True)
 class World:
-    """The whole world: seed, field, positions, warmth, units, survey, outdoor scenes, building."""
+    """The whole world: seed, site, positions, warmth, units, survey, outdoor scenes, building."""
 
     seed: int
-    field: Mapping[str, Any]
+    site: Mapping[str, Any]
     positions: Mapping[str, Mapping[str, Any]]
     warmth: Warmth
     scanners: Mapping[str, ScannerWorld]
@@ -125,17 +132,17 @@ class World:
     outdoor: Mapping[str, Any] | None = None
     building: Mapping[str, Any] | None = None
 
-    def rng(self, *stream: str) -> np.random.Generator:
-        """Random stream of its own for every name: a new sample changes no other."""
-        keys = [zlib.crc32(part.encode()) for part in stream]
+    def rng(self, *name: str) -> np.random.Generator:
+        """Random numbers of their own for every name: a new sample changes no other sample."""
+        keys = [zlib.crc32(part.encode()) for part in name]
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=keys))
 
     def pose(self, position: str) -> RigidTransformation:
-        """True `T_field_scanner` of a position."""
-        return pose_of(self.positions[position])
+        """True `T_site_scanner` of a position."""
+        return true_pose(self.positions[position])
 
     def without_errors(self) -> World:
-        """The same world with perfect shots and survey; only the parameters stay wrong.
+        """World with the same parameters, but perfect shots and a perfect survey.
 
         Ticks of the distance and steps of the encoder remain, as they belong to the packets.
         """
@@ -158,14 +165,14 @@ class World:
                 base_pointing_mm=_TINY * unit.base_pointing_mm,
                 errors=replace(unit.errors, **zeros),
             )
-        flat = {name: {"mean_mm": 0.0, "max_mm": 0.0} for name in self.field["flatness"]}
-        station = {name: _TINY * std for name, std in self.survey["total_station"].items()}
+        flat = {name: {"mean_mm": 0.0, "max_mm": 0.0} for name in self.site["flatness"]}
+        instrument = {name: _TINY * std for name, std in self.survey["total_station"].items()}
         camera = {**self.survey["camera"], "image_um": _TINY * self.survey["camera"]["image_um"]}
         return replace(
             self,
-            field={**self.field, "flatness": flat},
+            site={**self.site, "flatness": flat},
             scanners=scanners,
-            survey={**self.survey, "total_station": station, "camera": camera},
+            survey={**self.survey, "total_station": instrument, "camera": camera},
         )
 
     def check_position(self, position: str, scanner: str) -> None:
@@ -201,9 +208,9 @@ class World:
         return self.scanners[name]
 
 
-def pose_of(where: Mapping[str, Any]) -> RigidTransformation:
-    """True `T_field_scanner` of an entry of `positions`."""
-    # Heading is clockwise from the field's Y axis, as the rotational angle is.
+def true_pose(where: Mapping[str, Any]) -> RigidTransformation:
+    """True `T_site_scanner` of an entry of `positions`."""
+    # Heading is clockwise from the Y axis of the site, as the rotational angle is.
     turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
     tilt = rotation_from_vector(
         np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
@@ -224,7 +231,7 @@ def read(path: Path) -> World:
 
 
 def load(content: Mapping[str, Any]) -> World:
-    """Build a world from the (already validated) content of a world file."""
+    """Build a world from the content of a world file, which is validated already."""
     scanners = {}
     for name, unit in content["scanners"].items():
         factory = unit["factory"]

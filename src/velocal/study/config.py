@@ -16,14 +16,13 @@ from velocal.adjustment.robust import Robust
 from velocal.adjustment.solvers import (
     GaussHelmert,
     OrdinaryLeastSquares,
-    PaperLiteral,
     PaperModel,
     Solver,
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.calibration.dialects import DIALECTS
-from velocal.reduction.assignment import Gates
+from velocal.reduction.assignment import Limits
 from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS, Scanner
 from velocal.study.model import (
     AcuteAngle,
@@ -60,9 +59,8 @@ Program = Annotated[str, known_as("program", _PROGRAMS), enum(_PROGRAMS)]
 #: Solvers by name; each is made with the key `truncate_at`, which only some of them use.
 SOLVERS: dict[str, Callable[[float | None], Solver]] = {
     "prior": lambda _: WithPrior(),
-    "paper": PaperModel,
-    "paper_literal": lambda _: PaperLiteral(),
-    "gauss_helmert": GaussHelmert,
+    "paper": lambda truncate_at: PaperModel(truncate_at=truncate_at),
+    "gauss_helmert": lambda truncate_at: GaussHelmert(truncate_at=truncate_at),
     "least_squares": lambda _: OrdinaryLeastSquares(),
 }
 _DEG = np.pi / 180.0
@@ -153,28 +151,30 @@ class Reduction(Section):
         default={},
         description="width of an azimuth bin, a multiple of 0.01 that divides 360; the default "
         "depends on the scanner: "
-        + ", ".join(f"{name} {scanner.cell_ticks / 100:g}" for name, scanner in SCANNERS.items()),
+        + ", ".join(
+            f"{name} {scanner.azimuth_bin_ticks / 100:g}" for name, scanner in SCANNERS.items()
+        ),
     )
 
     @model_validator(mode="after")
     def _bins_divide_the_turn(self) -> Reduction:
         for scanner, width in self.azimuth_bin_deg.items():
-            ticks = round(width * 100)
+            ticks, usual = round(width * 100), SCANNERS[scanner].azimuth_bin_ticks / 100
             if not 0 < ticks <= 1000 or abs(ticks - width * 100) > 1e-6 or AZIMUTH_TICKS % ticks:
                 raise fault(
                     repr(width),
                     key=f"azimuth_bin_deg.{scanner}",
                     allowed=["a multiple of 0.01, at most 10, that divides 360"],
-                    hint=f"The default of an {scanner} is {SCANNERS[scanner].cell_ticks / 100:g}.",
+                    hint=f"The default of an {scanner} is {usual:g}.",
                 )
         return self
 
     def azimuth_bin_ticks(self, scanner: Scanner) -> int:
         """Width of an azimuth bin of a scanner in raw azimuth ticks (0.01 degree)."""
-        return scanner.cell(self.azimuth_bin_deg.get(scanner.name))
+        return scanner.azimuth_bin(self.azimuth_bin_deg.get(scanner.name))
 
 
-class Limits(Section):
+class AssignmentLimits(Section):
     """What a return must satisfy to belong to a plane."""
 
     distance_cm: Positive = Field(
@@ -185,9 +185,9 @@ class Limits(Section):
     )
     incidence_deg: AcuteAngle = Field(description="largest angle between beam and normal")
 
-    def gates(self) -> Gates:
+    def metric(self) -> Limits:
         """Limits in metres and radians."""
-        return Gates(
+        return Limits(
             self.distance_cm * 1e-2, self.edge_cm * 1e-2, float(np.deg2rad(self.incidence_deg))
         )
 
@@ -196,7 +196,7 @@ class Assignment(Section):
     """Which return belongs to which surveyed plane."""
 
     planes: Texts = Field(description="names of the surveyed planes that are used")
-    limits: Limits = Field(description="limits of the assignment")
+    limits: AssignmentLimits = Field(description="limits of the assignment")
 
 
 class Prior(Section):
@@ -238,10 +238,9 @@ class ScannerAdjustment(Section):
 class Adjustment(Section):
     """Functional model, stochastic model and solver of the adjustment of one scanner."""
 
-    method: Literal["prior", "paper", "paper_literal", "gauss_helmert", "least_squares"] = Field(
+    method: Literal["prior", "paper", "gauss_helmert", "least_squares"] = Field(
         description="`prior` is for work: weighted, with the prior as observations; `paper` is the "
-        "new model of the paper in its fast form, `paper_literal` the same with its n x n "
-        "pseudo-inverse, for small data only"
+        "new model of the paper in its fast form"
     )
     robust: Literal["huber", "igg", "snooping"] | None = Field(
         default=None,
@@ -297,7 +296,7 @@ class Adjustment(Section):
     def solver(self) -> Solver:
         """Solver that `method` and `robust` name."""
         base = SOLVERS[self.method](self.truncate_at)
-        return Robust(base, self.robust) if self.robust else base
+        return Robust(base=base, kind=self.robust) if self.robust else base
 
     def stochastic(self, survey: Sequence[SurveyUncertainty] = ()) -> Stochastic:
         """Stochastic model in metres and radians.

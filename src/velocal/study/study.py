@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from velocal.errors import ConfigError
 from velocal.study.config import (
@@ -93,7 +93,7 @@ class Study:
         return _given(self.config.adjustment).of(scanner)
 
     @property
-    def average(self) -> str:
+    def average(self) -> Literal["equal", "covariance"]:
         """Weights of the samples of a parameter set: `equal` or `covariance`."""
         return _given(self.config.adjustment).average
 

@@ -46,19 +46,19 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
             f"there is no workflow at {str(workflow)!r}",
             hint="Name the checkout of velocal with --checkout.",
         )
-    calibrated = scanner.ships_with_calibration
+    measured = scanner.has_factory_file
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     values = {
         "workflow": json.dumps(str(workflow.resolve())),
         "scanner": scanner.name,
         "scanners": ", ".join(SCANNERS),
-        "azimuth_bin_deg": scanner.cell_ticks / 100,
+        "azimuth_bin_deg": scanner.azimuth_bin_ticks / 100,
         "samples": [f"sample{number + 1}" for number in range(positions)],
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
-        "calibration": FACTORY if calibrated else "nominal",
-        "range_scale": 0.1 if calibrated else 0.02,
-        "repeatability": 1.2 if calibrated else 0.13,
+        "calibration": FACTORY if measured else "nominal",
+        "range_scale": 0.1 if measured else 0.02,
+        "repeatability": 1.2 if measured else 0.13,
     }
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)

@@ -1,10 +1,10 @@
-"""A surveyed position: pose of the scanner, and the planes of the field in its frame."""
+"""A surveyed position: the pose of the scanner, and the planes of the site in its frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,190 +12,277 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.lasers import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
-from velocal.errors import SurveyError
-from velocal.geometry.planes import Patch, Plane, PlaneFit, fit_plane, hull_patch
-from velocal.geometry.rigid import RigidAdjustment, RigidTransformation, adjust_rigid
+from velocal.errors import StorageError
+from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
+from velocal.geometry.rigid import RigidTransformation, adjust_rigid
+from velocal.io import storage
 from velocal.survey.targets import Targets, common
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Station:
-    """Result of the survey of one position.
+class SurveyedPlane:
+    """A wall or the floor in the scanner frame, and how well its targets fit it.
 
     Attributes
     ----------
-    pose : RigidAdjustment
-        ``T_scanner_field`` with residuals and covariance.
-    base_targets : tuple of str
-        Targets that the pose was adjusted from.
-    planes : list of PlaneFit
-        In the scanner frame, in the order of `patches`.
-    patches : list of Patch
-        The same, bounded by the hulls of their targets.
+    patch : Patch
+        The adjusted plane, bounded by the hull of its targets.
+    targets : int
+        Number of targets.
+    flatness_mean_m, flatness_max_m : float
+        Mean and largest absolute deviation of the targets from the plane, metres.
+    variance_factor : float
+        Of the standard deviations of the targets; NaN if there are three targets only.
     """
 
-    pose: RigidAdjustment
-    base_targets: tuple[str, ...]
-    planes: list[PlaneFit]
-    patches: list[Patch]
+    patch: Patch
+    targets: int
+    flatness_mean_m: float
+    flatness_max_m: float
+    variance_factor: float
+
+    @property
+    def flatness_std_m(self) -> float:
+        """Standard deviation of the surface about its plane, metres.
+
+        Targets deviate from a plane by their own errors and by those of the surface. The variance
+        factor tells by how much the deviations exceed the errors of the targets: the excess is
+        flatness. The root mean square follows from the mean deviation of a normal distribution,
+        corrected for the three parameters of the plane that were fitted to the n targets. Three
+        targets show no flatness.
+        """
+        excess = max(self.variance_factor, 1.0) if np.isfinite(self.variance_factor) else 1.0
+        dof = max(self.targets - 3.0, 1.0)
+        deviation = self.flatness_mean_m * np.sqrt(self.targets / dof)
+        return float(deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of one entry of ``planes`` in the file of a station."""
+        plane = self.patch.plane
+        return {
+            "name": self.patch.name,
+            "normal": plane.normal,
+            "offset_m": plane.offset,
+            "covariance": plane.covariance,
+            "abc_per_m": plane.general_form() if plane.offset else None,
+            "corners_m": self.patch.corners,
+            "targets": self.targets,
+            "flatness_mean_m": self.flatness_mean_m,
+            "flatness_max_m": self.flatness_max_m,
+            "variance_factor": self.variance_factor,
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> SurveyedPlane:
+        """Plane out of the content that `to_json` gave."""
+        plane = Plane(
+            np.array(content["normal"]), content["offset_m"], np.array(content["covariance"])
+        )
+        return cls(
+            Patch(content["name"], plane, np.array(content["corners_m"])),
+            content["targets"],
+            content["flatness_mean_m"],
+            content["flatness_max_m"],
+            _number(content["variance_factor"]),
+        )
 
 
-def plane_covariances(targets: Targets) -> dict[str, Array]:
-    """Covariance (4, 4) of normal and offset of every plane, in the frame of its targets.
+@dataclass(frozen=True)
+class Station:
+    """Result of the survey of one position of a scanner.
 
-    With what the targets have in common: errors of the control points and cameras shift and turn
-    a plane, and do not average out over its targets.
-    """
-    found = {}
-    for name in dict.fromkeys(targets.group):
-        part = targets.of(name, where=name)
-        # Whoever uses a plane that its targets do not determine is told so.
-        with suppress(SurveyError):
-            fit = fit_plane(part.xyz, _isotropic(part), part.covariance())
-            found[name] = fit.plane.covariance
-    return found
-
-
-def _isotropic(targets: Targets) -> Array:
-    """Equal in all directions: the root of the mean variance of the three coordinates."""
-    return np.asarray(np.sqrt(np.mean(targets.std**2, axis=1)))
-
-
-def adjust_station(
-    planes: Targets,
-    base_scanner: Targets,
-    base_field: Targets,
-    names: Sequence[str],
-    *,
-    covariances: Mapping[str, Array] | None = None,
-    where: str,
-) -> Station:
-    """Adjust pose and planes of a position.
-
-    Parameters
+    Attributes
     ----------
-    planes : Targets
-        Targets of walls and floor in the field frame, grouped by plane.
-    base_scanner, base_field : Targets
-        Targets of the scanner's base in the scanner frame and in the field frame.
-    names : sequence of str
-        Planes to use.
-    covariances : mapping of str to ndarray, shape (4, 4), optional
-        Of normal and offset of planes in the field frame (`plane_covariances`); from the
-        standard deviations of their targets alone where there is none.
-    where : str
-        Survey file, for errors.
+    position, scanner : str
+        Name of the position, and of the scanner that stands there.
+    pose : RigidTransformation
+        ``T_scanner_site``; its covariance follows from the a-priori standard deviations.
+    base_targets : tuple of str
+        Targets of the scanner's base that the pose was adjusted from.
+    residuals_m : ndarray, shape (n, 3)
+        Residuals of these targets in the scanner frame, metres.
+    variance_factor : float
+        Of the adjustment of the pose.
+    redundancy : int
+        Of the adjustment of the pose.
+    planes : tuple of SurveyedPlane
+        In the scanner frame; the rows of assigned returns count them in this order.
+    """
+
+    position: str
+    scanner: str
+    pose: RigidTransformation
+    base_targets: tuple[str, ...]
+    residuals_m: Array
+    variance_factor: float
+    redundancy: int
+    planes: tuple[SurveyedPlane, ...]
+
+    @classmethod
+    def adjust(
+        cls,
+        planes: Targets,
+        base_scanner: Targets,
+        base_site: Targets,
+        names: Sequence[str],
+        *,
+        covariances: Mapping[str, Array] | None = None,
+        where: str,
+    ) -> Station:
+        """Adjust pose and planes of a position.
+
+        Parameters
+        ----------
+        planes : Targets
+            Targets of walls and floor in the site frame, grouped by plane.
+        base_scanner : Targets
+            Targets of the scanner's base in the scanner frame; their group is the scanner.
+        base_site : Targets
+            Targets of the scanner's base in the site frame; their group is the position.
+        names : sequence of str
+            Planes to use.
+        covariances : mapping of str to ndarray, shape (4, 4), optional
+            Covariance of normal and offset of planes in the site frame
+            (`Targets.plane_covariances`). For a plane that is missing here, it follows from the
+            standard deviations of its targets alone.
+        where : str
+            Survey file, for errors.
+
+        Raises
+        ------
+        SurveyError
+            If targets are too few or lie on a line.
+        """
+        site, scanner = common(base_site, base_scanner, where=where)
+        adjusted = adjust_rigid(site.xyz, scanner.xyz, site.covariance(), scanner.covariance())
+        pose = adjusted.transformation
+        surveyed = []
+        for name in names:
+            targets = planes.of(name, where=where)
+            points = pose.apply(targets.xyz)
+            fit = fit_plane(points, targets.isotropic_std())
+            if covariances and name in covariances:
+                moved = pose.plane_matrix()
+                known = moved @ covariances[name] @ moved.T
+                fit = replace(fit, plane=replace(fit.plane, covariance=known))
+            surveyed.append(
+                SurveyedPlane(
+                    hull_patch(name, fit, points),
+                    len(points),
+                    fit.flatness_mean_m,
+                    fit.flatness_max_m,
+                    fit.variance_factor,
+                )
+            )
+        return cls(
+            position=site.group[0],
+            scanner=scanner.group[0],
+            pose=pose,
+            base_targets=site.name,
+            residuals_m=adjusted.residuals,
+            variance_factor=adjusted.variance_factor,
+            redundancy=adjusted.redundancy,
+            planes=tuple(surveyed),
+        )
+
+    @property
+    def patches(self) -> list[Patch]:
+        """The planes, bounded by the hulls of their targets."""
+        return [plane.patch for plane in self.planes]
+
+    def uncertainty(self) -> SurveyUncertainty:
+        """Covariances of pose and planes, and the flatness of the surfaces.
+
+        A plane follows the level and the slope of its surface, so that flatness does not enter the
+        covariance of the plane.
+        """
+        return SurveyUncertainty(
+            translation=self.pose.translation,
+            pose=self.pose.covariance,
+            planes=np.array([patch.plane.covariance for patch in self.patches]),
+            flatness_m=np.array([plane.flatness_std_m for plane in self.planes]),
+        )
+
+    def observations(self, rows: Mapping[str, NDArray[Any]]) -> Observations:
+        """Observations of returns that are assigned to the planes of this station.
+
+        Parameters
+        ----------
+        rows : mapping of str to ndarray, shape (n,)
+            Columns of `schemas.ASSIGNED`.
+        """
+        normals = np.stack([patch.plane.normal for patch in self.patches])
+        offsets = np.array([patch.plane.offset for patch in self.patches])
+        plane = rows["plane"].astype(np.int64)
+        return Observations(
+            rows["distance_m"],
+            rows["phi_rad"],
+            rows["laser_id"],
+            normals[plane],
+            offsets[plane],
+            plane,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of the file ``survey/{position}.json``."""
+        return {
+            "position": self.position,
+            "scanner": self.scanner,
+            "pose": {
+                # The name of the site frame in files.
+                "name": "T_scanner_field",
+                "rotation": self.pose.rotation,
+                "translation_m": self.pose.translation,
+                "covariance_rad_m": self.pose.covariance,
+                "targets": list(self.base_targets),
+                "residuals_m": self.residuals_m,
+                "variance_factor": self.variance_factor,
+                "redundancy": self.redundancy,
+            },
+            "planes": [plane.to_json() for plane in self.planes],
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Station:
+        """Station out of the content that `to_json` gave."""
+        pose = content["pose"]
+        return cls(
+            position=content["position"],
+            scanner=content["scanner"],
+            pose=RigidTransformation(
+                np.array(pose["rotation"]),
+                np.array(pose["translation_m"]),
+                np.array(pose["covariance_rad_m"]),
+            ),
+            base_targets=tuple(pose["targets"]),
+            residuals_m=np.array(pose["residuals_m"]),
+            variance_factor=_number(pose["variance_factor"]),
+            redundancy=pose["redundancy"],
+            planes=tuple(SurveyedPlane.from_json(plane) for plane in content["planes"]),
+        )
+
+
+def read_station(path: Path) -> Station:
+    """Read the file of a station.
 
     Raises
     ------
-    SurveyError
-        If targets are too few or lie on a line.
+    StorageError
+        If the file is missing, is no JSON, or lacks a value.
     """
-    field, scanner = common(base_field, base_scanner, where=where)
-    pose = adjust_rigid(field.xyz, scanner.xyz, field.covariance(), scanner.covariance())
-    fits, patches = [], []
-    for name in names:
-        targets = planes.of(name, where=where)
-        points = pose.transformation.apply(targets.xyz)
-        fit = fit_plane(points, _isotropic(targets))
-        if covariances and name in covariances:
-            moved = pose.transformation.plane_matrix()
-            known = moved @ covariances[name] @ moved.T
-            fit = replace(fit, plane=replace(fit.plane, covariance=known))
-        fits.append(fit)
-        patches.append(hull_patch(name, fit, points))
-    return Station(pose, field.name, fits, patches)
+    content = storage.read_json(path)
+    try:
+        return Station.from_json(content)
+    except (KeyError, TypeError) as error:
+        raise StorageError(
+            f"is not the survey of a position: {error}",
+            where=str(path),
+            hint="Delete the file, and run the rule adjust_survey again.",
+        ) from None
 
 
-def as_dict(station: Station) -> dict[str, Any]:
-    """Plain mapping of a station, for JSON; `patches_of` reads it back."""
-    pose = station.pose
-    return {
-        "pose": {
-            "name": "T_scanner_field",
-            "rotation": pose.transformation.rotation,
-            "translation_m": pose.transformation.translation,
-            "covariance_rad_m": pose.transformation.covariance,
-            "targets": list(station.base_targets),
-            "residuals_m": pose.residuals,
-            "variance_factor": pose.variance_factor,
-            "redundancy": pose.redundancy,
-        },
-        "planes": [
-            {
-                "name": patch.name,
-                "normal": patch.plane.normal,
-                "offset_m": patch.plane.offset,
-                "covariance": patch.plane.covariance,
-                "abc_per_m": patch.plane.general_form() if patch.plane.offset else None,
-                "corners_m": patch.corners,
-                "targets": len(fit.residuals),
-                "flatness_mean_m": fit.flatness_mean_m,
-                "flatness_max_m": fit.flatness_max_m,
-                "variance_factor": fit.variance_factor,
-            }
-            for patch, fit in zip(station.patches, station.planes, strict=True)
-        ],
-    }
-
-
-def patches_of(content: Mapping[str, Any]) -> list[Patch]:
-    """Patches out of what `as_dict` gave."""
-    return [
-        Patch(
-            plane["name"],
-            Plane(np.array(plane["normal"]), plane["offset_m"], np.array(plane["covariance"])),
-            np.array(plane["corners_m"]),
-        )
-        for plane in content["planes"]
-    ]
-
-
-def pose_of(content: Mapping[str, Any]) -> RigidTransformation:
-    """``T_scanner_field`` out of what `as_dict` gave."""
-    pose = content["pose"]
-    return RigidTransformation(
-        np.array(pose["rotation"]),
-        np.array(pose["translation_m"]),
-        np.array(pose["covariance_rad_m"]),
-    )
-
-
-def uncertainty_of(content: Mapping[str, Any]) -> SurveyUncertainty:
-    """How sure pose and planes are, out of what `as_dict` gave.
-
-    Targets deviate from a plane by their own errors and by those of the surface: what is more
-    than the first, as the variance factor tells, is flatness (root mean square, from the mean
-    deviation of a normal distribution, which the fit of three numbers to n targets has lessened).
-    Three targets show none. The plane follows its level and slope, so that its own covariance is
-    left as it is.
-    """
-    pose, planes = content["pose"], content["planes"]
-    factor = np.array([plane["variance_factor"] for plane in planes], dtype=float)
-    excess = np.where(np.isfinite(factor), np.maximum(factor, 1.0), 1.0)
-    targets = np.array([plane["targets"] for plane in planes], dtype=float)
-    deviation = np.array([plane["flatness_mean_m"] for plane in planes])
-    deviation = deviation * np.sqrt(targets / np.maximum(targets - 3.0, 1.0))
-    return SurveyUncertainty(
-        np.array(pose["translation_m"]),
-        np.array(pose["covariance_rad_m"]),
-        np.array([plane["covariance"] for plane in planes]),
-        deviation * np.sqrt(np.pi / 2.0 * (1.0 - 1.0 / excess)),
-    )
-
-
-def observations(columns: Mapping[str, NDArray[Any]], patches: Sequence[Patch]) -> Observations:
-    """Observations of assigned returns: columns of `schemas.ASSIGNED` with their planes."""
-    normals = np.stack([patch.plane.normal for patch in patches])
-    offsets = np.array([patch.plane.offset for patch in patches])
-    plane = columns["plane"].astype(np.int64)
-    return Observations(
-        columns["distance_m"],
-        columns["phi_rad"],
-        columns["laser_id"],
-        normals[plane],
-        offsets[plane],
-        plane,
-    )
+def _number(value: float | None) -> float:
+    """Number out of JSON, where NaN is null."""
+    return float("nan") if value is None else value

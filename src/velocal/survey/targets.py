@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from velocal.errors import SurveyError
+from velocal.geometry.planes import fit_plane
 from velocal.io import storage
+from velocal.survey.tables import check_unique, read_table
 
 Array = NDArray[np.float64]
 
@@ -48,10 +51,17 @@ class Targets:
     def of(self, group: str, *, where: str) -> Targets:
         """Targets of one group.
 
+        Parameters
+        ----------
+        group : str
+            Name of the plane, position or scanner.
+        where : str
+            Survey file, for errors.
+
         Raises
         ------
         SurveyError
-            If there are none.
+            If no target belongs to the group.
         """
         rows = [row for row, value in enumerate(self.group) if value == group]
         if not rows:
@@ -63,7 +73,7 @@ class Targets:
         return self.take(rows)
 
     def take(self, rows: Sequence[int]) -> Targets:
-        """Some of the targets, in that order."""
+        """Targets of the given rows, in that order, with their part of the covariance."""
         joint = self.joint
         if joint is not None:
             of_rows = (3 * np.asarray(rows)[:, None] + np.arange(3)).ravel()
@@ -85,8 +95,87 @@ class Targets:
         n = np.arange(len(self.name))
         return self.covariance().reshape(len(n), 3, len(n), 3)[n, :, n]
 
+    def isotropic_std(self) -> Array:
+        """Root of the mean variance of the three coordinates, shape (n,), metres."""
+        return np.asarray(np.sqrt(np.mean(self.std**2, axis=1)))
 
-def read_targets(path: Path, group: str) -> Targets:
+    def plane_covariances(self) -> dict[str, Array]:
+        """Covariance (4, 4) of normal and offset of every plane, in the frame of the targets.
+
+        It contains the errors that the targets have in common: errors of the control points and of
+        the cameras shift and turn a plane, and do not average out over its targets. A plane that
+        its targets do not determine is left out; `Station.adjust` raises the error if it is used.
+        """
+        found = {}
+        for name in dict.fromkeys(self.group):
+            part = self.of(name, where=name)
+            with suppress(SurveyError):
+                fit = fit_plane(part.xyz, part.isotropic_std(), part.covariance())
+                found[name] = fit.plane.covariance
+        return found
+
+
+@dataclass(frozen=True)
+class SurveyCovariances:
+    """Covariances that the adjustment of a survey hands over beside the coordinates.
+
+    Attributes
+    ----------
+    bases : dict of str to tuple
+        By position: the names of the targets of the scanner's base, and the covariance of all
+        their coordinates in the site frame, shape (3n, 3n), square metres.
+    planes : dict of str to ndarray, shape (4, 4)
+        By plane: covariance of normal and offset in the site frame.
+    """
+
+    bases: dict[str, tuple[tuple[str, ...], Array]]
+    planes: dict[str, Array]
+
+    def of_base(self, targets: Targets, position: str, *, where: str) -> Targets:
+        """Targets of a base with the covariance of all their coordinates.
+
+        Parameters
+        ----------
+        targets : Targets
+            Coordinates of the base at the position.
+        position : str
+        where : str
+            File of the covariances, for errors.
+
+        Raises
+        ------
+        SurveyError
+            If the covariance belongs to other targets, or the position has none.
+        """
+        names, covariance = self.bases.get(position, ((), None))
+        if names != targets.name:
+            raise SurveyError(
+                f"holds the covariance of other targets than the survey file at {position!r}",
+                where=where,
+                hint="Adjust the network again.",
+            )
+        return replace(targets, joint=covariance)
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of the file ``survey/covariance.json``."""
+        bases = {
+            position: {"targets": names, "covariance_m2": covariance}
+            for position, (names, covariance) in self.bases.items()
+        }
+        return {"base_field": bases, "planes": self.planes}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> SurveyCovariances:
+        """Covariances out of the content that `to_json` gave."""
+        bases = {
+            position: (tuple(base["targets"]), np.array(base["covariance_m2"]))
+            for position, base in content["base_field"].items()
+        }
+        planes = {name: np.array(covariance) for name, covariance in content["planes"].items()}
+        return cls(bases, planes)
+
+
+def read_targets(path: Path, group: str, *, repeated: bool = False) -> Targets:
     """Read a survey file.
 
     Parameters
@@ -96,6 +185,8 @@ def read_targets(path: Path, group: str) -> Targets:
         ``std_x_mm std_y_mm std_z_mm``.
     group : str
         Name of the grouping column: ``plane``, ``position`` or ``scanner``.
+    repeated : bool
+        Whether a target may have several rows, one per measurement.
 
     Raises
     ------
@@ -103,70 +194,33 @@ def read_targets(path: Path, group: str) -> Targets:
         If the file is missing, a column is missing or unknown, a value is no number, a standard
         deviation is not positive, or a target is named twice in a group.
     """
-    where = str(path)
-    columns = ["target", group, *COORDINATES, *DEVIATIONS]
-    try:
-        table = pd.read_csv(path, comment="#", dtype={"target": str, group: str})
-    except (OSError, ValueError) as error:
-        raise SurveyError(f"cannot be read: {error}", where=where) from None
-    if set(table.columns) != set(columns):
-        odd = sorted(set(table.columns) ^ set(columns))
-        raise SurveyError(
-            f"missing or unknown column {odd[0]!r}", where=where, allowed=", ".join(columns)
-        )
-    numbers = table[[*COORDINATES, *DEVIATIONS]].apply(pd.to_numeric, errors="coerce")
-    bad = np.flatnonzero(~np.isfinite(numbers.to_numpy(dtype=float)).all(axis=1))
-    if len(bad):
-        raise SurveyError(
-            "a coordinate is missing or no number", where=f"{where}, row {bad[0] + 2}"
-        )
-    if (numbers[list(DEVIATIONS)] <= 0).any().any():
-        raise SurveyError(
-            "a standard deviation is not positive",
-            where=where,
-            hint="State how good each coordinate is, in millimetres.",
-        )
-    twice = table.duplicated(["target", group])
-    if twice.any():
-        row = int(np.flatnonzero(twice)[0])
-        raise SurveyError(
-            f"target {table['target'][row]!r} occurs twice", where=f"{where}, row {row + 2}"
-        )
+    positive = dict(zip(COORDINATES, DEVIATIONS, strict=True))
+    table = read_table(path, ("target", group), (*COORDINATES, *DEVIATIONS), positive)
+    if not repeated:
+        check_unique(table, ("target", group), "target", str(path))
     return Targets(
         tuple(table["target"]),
         tuple(table[group]),
-        numbers[list(COORDINATES)].to_numpy(dtype=float),
-        numbers[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
+        table[list(COORDINATES)].to_numpy(dtype=float),
+        table[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
     )
 
 
-def with_covariance(targets: Targets, content: Mapping[str, Any], *, where: str) -> Targets:
-    """Targets of a position with the covariance of all their coordinates.
+def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
+    """Write a survey file; see `target_table`."""
+    storage.write_csv(path, target_table(group, parts))
+
+
+def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
+    """Table of a survey file, with coordinates rounded to a hundredth of a millimetre.
 
     Parameters
     ----------
-    targets : Targets
-    content : mapping
-        ``targets`` and ``covariance_m2``, as the adjustment of the network writes them.
-    where : str
-        File, for errors.
-
-    Raises
-    ------
-    SurveyError
-        If it is of other targets.
+    group : str
+        Name of the grouping column; see `read_targets`.
+    parts : sequence of Targets
+        They follow one another in the table.
     """
-    if tuple(content["targets"]) != targets.name:
-        raise SurveyError(
-            "holds the covariance of other targets than the survey file",
-            where=where,
-            hint="Adjust the network again.",
-        )
-    return replace(targets, joint=np.array(content["covariance_m2"]))
-
-
-def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
-    """Write a survey file; coordinates to a hundredth of a millimetre."""
     frames = [
         pd.DataFrame(
             {
@@ -178,16 +232,23 @@ def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
         )
         for part in parts
     ]
-    storage.write_csv(path, pd.concat(frames, ignore_index=True))
+    return pd.concat(frames, ignore_index=True)
 
 
 def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Targets]:
-    """Targets that occur in both systems, in the same order.
+    """Targets that occur in both frames, in the same order.
+
+    Parameters
+    ----------
+    first, second : Targets
+        The same points in two frames, in any order.
+    where : str
+        Survey file, for errors.
 
     Raises
     ------
     SurveyError
-        If there are fewer than three.
+        If fewer than three names occur in both.
     """
     names = [name for name in first.name if name in second.name]
     if len(names) < 3:

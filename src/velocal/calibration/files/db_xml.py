@@ -23,7 +23,7 @@ from velocal.calibration.files.decimals import (
     number,
     text,
 )
-from velocal.calibration.files.document import Calibration, Document
+from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
@@ -55,7 +55,22 @@ N_ITEMS = 64
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; lasers that are not enabled, or only fill the lists up, are left out."""
+    """Parse the file; lasers that are not enabled, or only fill the lists up, are left out.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     data = lasers.content(path)
     database = _database(data, path)
     enabled = [number(item, "enabled_", str(path)) for item in _list(database, "enabled_")]
@@ -66,7 +81,7 @@ def parse(path: Path) -> Document:
         place = f"item {index}"
         try:
             laser = lasers.laser_id(entry.get("id_"), "id_", place)
-        except CalibrationFileError:  # judged later
+        except CalibrationFileError:  # checked later
             laser = index
         if laser < len(enabled) and not enabled[laser]:
             continue
@@ -118,11 +133,42 @@ def _list(database: Element, tag: str) -> list[str | None]:
     return [item.text for item in database.iterfind(f"{tag}/item")]
 
 
-def write(path: Path, found: Calibration) -> None:
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
+    return lasers.checked(parse(path), n_lasers)
+
+
+def write(path: Path, found: CalibrationFile) -> None:
     """Write the structure of the manufacturer's files, with the shortest exact numbers.
 
     Near-point corrections that a flag turns off are written without effect, as the file has no
     flag. The dialect stands in a comment at the very end, where no reader stumbles on it.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite.
     """
     parameters = found.parameters
     rows = [lasers.neutral(row) for row in lasers.rows(path, parameters)]

@@ -42,6 +42,11 @@ def number(value: object, key: str, where: str, unit: Decimal = UNCHANGED) -> fl
     unit : Decimal
         Size of the file's unit in metres or radians.
 
+    Returns
+    -------
+    float
+        Metres, radians, or a plain number.
+
     Raises
     ------
     CalibrationFileError
@@ -64,7 +69,20 @@ def number(value: object, key: str, where: str, unit: Decimal = UNCHANGED) -> fl
 
 
 def text(value: float, unit: Decimal = UNCHANGED) -> str:
-    """Write a number in the file's unit: the shortest text that `number` reads back bit for bit."""
+    """Write a number in the file's unit: the shortest text that `number` reads back bit for bit.
+
+    Parameters
+    ----------
+    value : float
+        Metres, radians, or a plain number.
+    unit : Decimal
+        Size of the file's unit in metres or radians.
+
+    Returns
+    -------
+    str
+        Without an exponent.
+    """
     with localcontext(prec=_PRECISION):
         exact = Decimal(value) / unit
     for digits in range(1, _DIGITS_OF_A_FLOAT + 1):

@@ -1,6 +1,6 @@
 """What all formats share: from what a file holds of single lasers to a checked calibration.
 
-A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `calibration`
+A format's ``parse`` gives a `Document`, which is as the file is, right or wrong; `checked`
 checks it and stops at the first fault, `velocal.calibration.lint` names all of them.
 """
 
@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from velocal.arrays import Array
 from velocal.calibration.files.decimals import UNCHANGED, number
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M
@@ -22,7 +23,6 @@ from velocal.scanner.parameters import (
     PARAMETERS,
     TWO_POINT,
     UNITS,
-    Array,
     LaserParameters,
 )
 
@@ -53,8 +53,8 @@ OWN_KEYS: Keys = {
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """A calibration and what is known of it.
+class CalibrationFile:
+    """All that a calibration file holds: the parameters and what is known of them.
 
     Attributes
     ----------
@@ -62,6 +62,7 @@ class Calibration:
     dialect : str or None
         Name of the point formula that the numbers belong to; None where the file does not say.
     scanner : str or None
+        Name of the scanner; None where the file does not say.
     tick_m : float
         Metres of one unit of raw distance.
     std : mapping of str to ndarray, shape (n,)
@@ -83,7 +84,7 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Document:
-    """What a file holds, not yet judged.
+    """What a file holds, before it is checked.
 
     Attributes
     ----------
@@ -121,6 +122,14 @@ class Document:
 def content(path: Path) -> bytes:
     """Read a file.
 
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    bytes
+
     Raises
     ------
     CalibrationFileError
@@ -142,6 +151,17 @@ def content(path: Path) -> bytes:
 def laser_id(value: object, key: str, where: str) -> int:
     """Convert a laser id, which some files write as `0.0`.
 
+    Parameters
+    ----------
+    value : object
+        What the file holds; None if it has no such key.
+    key, where : str
+        Named in errors.
+
+    Returns
+    -------
+    int
+
     Raises
     ------
     CalibrationFileError
@@ -156,7 +176,22 @@ def laser_id(value: object, key: str, where: str) -> int:
 
 
 def value(document: Document, name: str, found: Mapping[str, object], where: str) -> float | None:
-    """Convert one value of a laser; None where an optional one is absent.
+    """Convert one value of a laser.
+
+    Parameters
+    ----------
+    document : Document
+    name : str
+        Our name of the value.
+    found : mapping of str to object
+        Values of the laser under the keys of the file.
+    where : str
+        Named in errors.
+
+    Returns
+    -------
+    float or None
+        Metres, radians, or a plain number; None if an optional value is absent.
 
     Raises
     ------
@@ -180,6 +215,16 @@ def neutral(known: Values) -> dict[str, float]:
     """Complete the values of a laser by ones that leave every reader's points as they are.
 
     Near-point corrections equal to the distance correction make the two-point interpolation vanish.
+
+    Parameters
+    ----------
+    known : mapping of str to float
+        Values of the laser by our names.
+
+    Returns
+    -------
+    dict of str to float
+        All values that any format writes.
     """
     dl = known.get("dl", 0.0)
     return {
@@ -197,7 +242,16 @@ def neutral(known: Values) -> dict[str, float]:
 
 
 def tick_m(document: Document) -> float:
-    """Metres of one unit of raw distance, as the file states it.
+    """Find the size of one unit of raw distance.
+
+    Parameters
+    ----------
+    document : Document
+
+    Returns
+    -------
+    float
+        Metres; 2 mm if the file does not state it.
 
     Raises
     ------
@@ -212,21 +266,25 @@ def tick_m(document: Document) -> float:
         raise CalibrationFileError(
             f"{key} is {found:g} m",
             where=str(document.path),
-            allowed="0.002 m, or 0.004 m for a VLS-128",
+            allowed="0.002 m, or 0.004 m for a VLP-32C or VLS-128",
             hint="Centimetres where metres are expected?" if np.isclose(found, 0.2) else None,
         )
     # Files in centimetres give 0.2: the decimal is exact, and so is what is compared with it.
     return DISTANCE_TICK_M if np.isclose(found, DISTANCE_TICK_M, rtol=1e-6) else found
 
 
-def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
-    """Check what a file holds and put it together.
+def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
+    """Check what a file holds, and take it as a calibration.
 
     Parameters
     ----------
     document : Document
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as there are.
+
+    Returns
+    -------
+    CalibrationFile
 
     Raises
     ------
@@ -270,7 +328,7 @@ def calibration(document: Document, n_lasers: int | None = None) -> Calibration:
         **{name: columns[name] for name in PARAMETERS},
         carried={name: columns[name] for name in carried},
     )
-    return Calibration(parameters, document.dialect, tick_m=tick)
+    return CalibrationFile(parameters, document.dialect, tick_m=tick)
 
 
 def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
@@ -286,11 +344,11 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
             allowed=f"{n_lasers}, as the scanner has",
             hint="Is this the file of another scanner?",
         )
-    odd = {"missing": wanted - ids, "unknown": ids - wanted}
+    faults = {"missing": wanted - ids, "unknown": ids - wanted}
     raise CalibrationFileError(
         "; ".join(
             f"laser ids {what}: {', '.join(map(str, sorted(some)))}"
-            for what, some in odd.items()
+            for what, some in faults.items()
             if some
         ),
         where=str(path),
@@ -299,7 +357,18 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
 
 
 def rows(path: Path, parameters: LaserParameters) -> list[dict[str, float]]:
-    """Take a set apart into the values of its lasers, for writing.
+    """List the values of each laser, for writing.
+
+    Parameters
+    ----------
+    path : Path
+        Named in errors.
+    parameters : LaserParameters
+
+    Returns
+    -------
+    list of dict of str to float
+        By laser: its parameters and carried values, by our names.
 
     Raises
     ------

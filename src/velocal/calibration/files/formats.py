@@ -3,53 +3,140 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Protocol
 
 from velocal.calibration.convert import convert
 from velocal.calibration.dialects import MANUAL, PAPER, Dialect, dialect_named
-from velocal.calibration.files import db_xml, ros_yaml
-from velocal.calibration.files import document as lasers
-from velocal.calibration.files import velocal_csv as table
-from velocal.calibration.files import velocal_json as complete
-from velocal.calibration.files.document import Calibration, Document
+from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M, Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
 
 
-def _write_table(path: Path, found: Calibration) -> None:
-    table.write(path, found.parameters, found.std)
+class Codec(Protocol):
+    """What a module of this folder does for one format."""
+
+    def parse(self, path: Path) -> Document:
+        """Parse a file without checking what it holds.
+
+        Parameters
+        ----------
+        path : Path
+
+        Returns
+        -------
+        Document
+            As the file is, right or wrong.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the file cannot be read, or is not of this format.
+        """
+
+    def read(self, path: Path, n_lasers: int | None = None) -> CalibrationFile:
+        """Read and check all that a file holds.
+
+        Parameters
+        ----------
+        path : Path
+        n_lasers : int, optional
+            Number of lasers of the scanner; if None, as many as the file has.
+
+        Returns
+        -------
+        CalibrationFile
+
+        Raises
+        ------
+        CalibrationFileError
+            If the file is damaged, or not of a scanner with so many lasers.
+        """
+
+    def write(self, path: Path, found: CalibrationFile) -> None:
+        """Write a file with the numbers as they are.
+
+        Parameters
+        ----------
+        path : Path
+        found : CalibrationFile
+
+        Raises
+        ------
+        CalibrationFileError
+            If a value is not finite.
+        """
 
 
-class Format(NamedTuple):
-    """Reader and writer of one format.
+# A format is imported when it is first used: who writes one does not load the others.
+def _xml() -> Codec:
+    from velocal.calibration.files import db_xml
 
-    `default` is the dialect that files are written for unless another is asked for; None where
-    the numbers stay as they are.
+    return db_xml
+
+
+def _yaml() -> Codec:
+    from velocal.calibration.files import ros_yaml
+
+    return ros_yaml
+
+
+def _csv() -> Codec:
+    from velocal.calibration.files import velocal_csv
+
+    return velocal_csv
+
+
+def _json() -> Codec:
+    from velocal.calibration.files import velocal_json
+
+    return velocal_json
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format of calibration files.
+
+    Attributes
+    ----------
+    codec : callable
+        Gives the module that reads and writes the format.
+    default : str or None
+        Dialect that files are written for unless another is asked for; None where the numbers
+        stay as they are.
     """
 
-    parse: Callable[[Path], Document]
-    write: Callable[[Path, Calibration], None]
+    codec: Callable[[], Codec]
     default: str | None
 
 
 FORMATS = {
-    ".xml": Format(db_xml.parse, db_xml.write, "veloview"),
-    ".yaml": Format(ros_yaml.parse, ros_yaml.write, "ros"),
-    ".yml": Format(ros_yaml.parse, ros_yaml.write, "ros"),
-    ".csv": Format(table.parse, _write_table, "paper"),
-    ".json": Format(complete.parse, complete.write, None),
+    ".xml": Format(_xml, "veloview"),
+    ".yaml": Format(_yaml, "ros"),
+    ".yml": Format(_yaml, "ros"),
+    ".csv": Format(_csv, "paper"),
+    ".json": Format(_json, None),
 }
 
 
 def format_of(path: Path) -> Format:
-    """Format that the suffix of a file names.
+    """Look up the format that the suffix of a file names.
+
+    Parameters
+    ----------
+    path : Path
+        The file itself need not exist.
+
+    Returns
+    -------
+    Format
 
     Raises
     ------
     CalibrationFileError
-        If it names none.
+        If it names no known format.
     """
     try:
         return FORMATS[path.suffix.lower()]
@@ -62,7 +149,7 @@ def format_of(path: Path) -> Format:
         ) from None
 
 
-def read_calibration(path: Path, n_lasers: int | None = None) -> Calibration:
+def read_calibration(path: Path, n_lasers: int | None = None) -> CalibrationFile:
     """Read a calibration file of any format as it is, with all that it holds.
 
     Parameters
@@ -71,22 +158,33 @@ def read_calibration(path: Path, n_lasers: int | None = None) -> Calibration:
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as the file has.
 
+    Returns
+    -------
+    CalibrationFile
+
     Raises
     ------
     CalibrationFileError
         If the suffix is unknown, the file damaged, or not of a scanner with so many lasers.
     """
-    form = format_of(path)
-    if form.parse is complete.parse:
-        return complete.read(path, n_lasers)
-    return lasers.calibration(form.parse(path), n_lasers)
+    return format_of(path).codec().read(path, n_lasers)
 
 
-def dialect_of(found: Calibration, path: Path) -> Dialect:
+def dialect_of(found: CalibrationFile, path: Path) -> Dialect:
     """Dialect of the numbers of a file: what it says, or else the manufacturer's.
 
     Files of others do not say. Their numbers are the factory's, unit for unit, whichever driver
     they were made for.
+
+    Parameters
+    ----------
+    found : CalibrationFile
+    path : Path
+        Named in errors.
+
+    Returns
+    -------
+    Dialect
 
     Raises
     ------
@@ -101,6 +199,18 @@ def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserPar
 
     Numbers that were written for another dialect are converted. Near-point corrections of the
     manufacturer are carried, but not part of the model.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int
+        Number of lasers of the scanner.
+    tick_m : float
+        One tick of its raw distance, metres.
+
+    Returns
+    -------
+    LaserParameters
 
     Raises
     ------
@@ -121,23 +231,43 @@ def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserPar
     return convert(found.parameters, dialect_of(found, path), PAPER, inexact=True)
 
 
-def write(path: Path, found: Calibration | LaserParameters) -> None:
+def write(path: Path, found: CalibrationFile | LaserParameters) -> None:
     """Write a calibration file, in the format that the suffix names, with the numbers as they are.
 
     `read_calibration` gives back the same floats. Values that a set does not carry are written
-    such that they have no effect (see `lasers.neutral`).
+    such that they have no effect (see `document.neutral`).
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile or LaserParameters
 
     Raises
     ------
     CalibrationFileError
         If the suffix is unknown, or a value is not finite.
     """
-    calibration = Calibration(found) if isinstance(found, LaserParameters) else found
-    format_of(path).write(path, calibration)
+    whole = CalibrationFile(found) if isinstance(found, LaserParameters) else found
+    format_of(path).codec().write(path, whole)
 
 
 def read_or_nominal(path: Path | None, scanner: Scanner) -> LaserParameters:
-    """Read a calibration file, or take the nominal values of the scanner where there is none."""
+    """Read a calibration file, or take the nominal values of the scanner where there is none.
+
+    Parameters
+    ----------
+    path : Path or None
+    scanner : Scanner
+
+    Returns
+    -------
+    LaserParameters
+
+    Raises
+    ------
+    CalibrationFileError
+        As `read`.
+    """
     if path is None:
         return nominal(scanner)
     return read(path, scanner.n_lasers, scanner.distance_tick_m)

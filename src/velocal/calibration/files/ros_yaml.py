@@ -8,7 +8,7 @@ import yaml
 
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED
-from velocal.calibration.files.document import Calibration, Document
+from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
@@ -25,7 +25,22 @@ KEYS: lasers.Keys = {
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; a laser without the two-point flag has it off, as in ROS."""
+    """Parse the file; a laser without the two-point flag has it off, as in ROS.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     where = str(path)
     data = lasers.content(path)
     try:
@@ -60,12 +75,43 @@ def parse(path: Path) -> Document:
     )
 
 
-def write(path: Path, found: Calibration) -> None:
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
+    return lasers.checked(parse(path), n_lasers)
+
+
+def write(path: Path, found: CalibrationFile) -> None:
     """Write all the keys that drivers ask for.
 
     Where the set carries no flag, it is set as the ROS driver's converter of XML does: where both
     near-point corrections are other than zero. The dialect stands under a key that no reader asks
     for.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite.
     """
     carried = found.parameters.carried
     two_point = NEAR_POINT[0] in carried and TWO_POINT not in carried

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 
 from velocal.calibration.files import document as lasers
-from velocal.calibration.files.document import OWN_KEYS, Document
+from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
-from velocal.scanner.parameters import UNITS, Array, LaserParameters
+from velocal.scanner.parameters import UNITS
 
 #: Columns of the standard deviations.
 STD_COLUMNS = {name: f"{name}_std_{unit}" for name, unit in UNITS.items()}
@@ -20,7 +19,22 @@ LASER_ID = "laser_id"
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart; standard deviations are skipped."""
+    """Parse the file; standard deviations are skipped.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     try:
         # Spreadsheets put a byte order mark before the text.
         text = lasers.content(path).decode("utf-8-sig")
@@ -60,15 +74,42 @@ def _check_header(path: Path, header: list[str]) -> None:
             )
 
 
-def write(path: Path, parameters: LaserParameters, std: Mapping[str, Array] | None = None) -> None:
-    """Write a calibration with the standard deviations (NaN: unknown) of some parameters.
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read the parameters, checked as `document.checked` does; standard deviations are skipped.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
+    return lasers.checked(parse(path), n_lasers)
+
+
+def write(path: Path, found: CalibrationFile) -> None:
+    """Write the parameters, with the standard deviations of those that have any.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+        Of dialect ``paper``; standard deviations are NaN where unknown.
 
     Raises
     ------
     CalibrationFileError
         If a parameter is not finite, or `std` names something else than a parameter.
     """
-    std = std or {}
+    parameters, std = found.parameters, found.std
     unknown = set(std) - set(STD_COLUMNS)
     if unknown:
         raise CalibrationFileError(

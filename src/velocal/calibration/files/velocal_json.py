@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from velocal.arrays import Array
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED, number
-from velocal.calibration.files.document import OWN_KEYS, Calibration, Document
+from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
-from velocal.scanner.parameters import PARAMETERS, TWO_POINT, Array
+from velocal.scanner.parameters import PARAMETERS, TWO_POINT
 
 FORMAT, VERSION = "velocal calibration", 1
 LASER_ID = "laser_id"
@@ -78,7 +79,22 @@ def _only(found: Any, allowed: Any, where: str) -> None:
 
 
 def parse(path: Path) -> Document:
-    """Take the file apart, without standard deviations and covariances."""
+    """Parse the file, without standard deviations and covariances.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Document
+        As the file is, right or wrong.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file cannot be read, or is not of this format.
+    """
     content = _content(path)
     return Document(
         path,
@@ -91,9 +107,25 @@ def parse(path: Path) -> Document:
     )
 
 
-def read(path: Path, n_lasers: int | None = None) -> Calibration:
-    """Read all that the file holds."""
-    content, found = _content(path), lasers.calibration(parse(path), n_lasers)
+def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+    """Read all that the file holds, checked as `document.checked` does.
+
+    Parameters
+    ----------
+    path : Path
+    n_lasers : int, optional
+        Number of lasers of the scanner; if None, as many as the file has.
+
+    Returns
+    -------
+    CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is damaged, or not of a scanner with so many lasers.
+    """
+    content, found = _content(path), lasers.checked(parse(path), n_lasers)
     entries = sorted(content["lasers"], key=lambda entry: float(entry[LASER_ID]))
 
     def columns(part: str, names: Mapping[Any, str]) -> dict[Any, Array]:
@@ -116,8 +148,19 @@ def read(path: Path, n_lasers: int | None = None) -> Calibration:
     )
 
 
-def write(path: Path, found: Calibration) -> None:
-    """Write all that is known; what is unknown (NaN) is null."""
+def write(path: Path, found: CalibrationFile) -> None:
+    """Write all that is known; what is unknown (NaN) is null.
+
+    Parameters
+    ----------
+    path : Path
+    found : CalibrationFile
+
+    Raises
+    ------
+    CalibrationFileError
+        If a value is not finite.
+    """
     entries = []
     for laser, row in enumerate(lasers.rows(path, found.parameters)):
         entry: dict[str, Any] = {LASER_ID: laser}

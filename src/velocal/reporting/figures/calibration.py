@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from velocal.arrays import Array
 from velocal.reporting.figures.lasers import GREY, style
-from velocal.scanner.parameters import Array
 
 #: Okabe and Ito, without black and yellow.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")

@@ -39,7 +39,7 @@ def draw_network(content: Mapping[str, Any], *, simulated: bool) -> Figure:
     Parameters
     ----------
     content : mapping
-        ``adjustments`` and ``points`` as `survey_network.as_dict` gives them.
+        ``adjustments`` and ``points`` as `Survey.to_json` gives them.
     simulated : bool
         Said in the title.
     """

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from velocal.geometry.planes import Patch
 from velocal.geometry.rigid import RigidTransformation
-from velocal.reduction.assignment import NO_PLANE, Gates, assign
+from velocal.reduction.assignment import NO_PLANE, Limits, assign
 from velocal.reporting.figures.lasers import COLOURS, DARK, GREY, finish, style
-from velocal.scanner.beam import angle_from_ticks, distance_from_ticks, points
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets
@@ -55,7 +55,7 @@ class View:
     patches : sequence of Patch
         Surveyed planes in the scanner frame.
     pose : RigidTransformation
-        ``T_scanner_field`` of the survey.
+        ``T_scanner_site`` of the survey.
     """
 
     position: str
@@ -68,7 +68,7 @@ class View:
     pose: RigidTransformation
 
 
-def plan(view: View, targets: Targets, gates: Gates) -> pd.DataFrame:
+def plan(view: View, targets: Targets, limits: Limits) -> pd.DataFrame:
     """Numbers of one panel, all in the field frame.
 
     Parameters
@@ -76,7 +76,7 @@ def plan(view: View, targets: Targets, gates: Gates) -> pd.DataFrame:
     view : View
     targets : Targets
         Of the planes, field frame.
-    gates : Gates
+    limits : Limits
         Limits of the assignment, as in the study.
 
     Returns
@@ -89,13 +89,9 @@ def plan(view: View, targets: Targets, gates: Gates) -> pd.DataFrame:
         or ``ahead`` (a point on the scanner's Y axis).
     """
     to_field = view.pose.inverse()
-    laser = view.medians["laser_id"]
-    phi = angle_from_ticks(
-        view.medians["azimuth"], laser, view.scanner, 2.0 * np.pi * view.rotation_rate_hz
-    )
-    distance = distance_from_ticks(view.medians["distance"], view.scanner.distance_tick_m)
-    plane = assign(distance, phi, laser, view.parameters, view.patches, gates)
-    xyz = to_field.apply(points(distance, phi, laser, view.parameters))
+    beams = Beams.from_ticks(view.medians, view.scanner, view.rotation_rate_hz)
+    plane = assign(beams, view.parameters, view.patches, limits)
+    xyz = to_field.apply(beams.points(view.parameters))
     corners = [to_field.apply(patch.corners) for patch in view.patches]
     height = np.concatenate(corners)[:, 2]
     inside = (xyz[:, 2] > height.min() + _FLOOR_M) & (xyz[:, 2] < height.max())

@@ -1,4 +1,4 @@
-"""Approximate values for the adjustment of a network: set-ups, cameras and points."""
+"""Approximate values for the adjustment of a network: instruments, cameras and points."""
 
 from __future__ import annotations
 
@@ -11,8 +11,66 @@ from scipy.spatial.transform import Rotation
 
 from velocal.errors import SurveyError
 from velocal.geometry.rigid import closed_form, rotation_from_vector
+from velocal.survey.network.model import Unknowns
+from velocal.survey.network.structure import Structure
 
 Array = NDArray[np.float64]
+
+
+def approximate_unknowns(network: Structure) -> Unknowns:
+    """Place set-ups by the control points that they observe, then the other points by the set-ups.
+
+    Raises
+    ------
+    SurveyError
+        If a set-up observes too few control points, or the rays to a point are parallel.
+    """
+    n, polar, images = len(network.control.name), network.polar, network.images
+    points = np.full((len(network.points), 3), np.nan)
+    points[:n] = network.control.xyz
+    complete = np.isfinite(polar.value).all(axis=1)
+    instruments, cameras, rotations = [], [], []
+    for number, name in enumerate(network.instruments):
+        own = complete & (network.polar_setup == number) & (network.polar_point < n)
+        place, zero = resected_instrument(
+            polar.value[own], points[network.polar_point[own]],
+            where=f"{network.where}, set-up {name!r}",
+        )  # fmt: skip
+        instruments.append([*place, zero])
+    for number, name in enumerate(network.cameras):
+        own = (network.image_setup == number) & (network.image_point < n)
+        place, rotation = resected_camera(
+            images.value[own], points[network.image_point[own]],
+            where=f"{network.where}, image {name!r}",
+        )  # fmt: skip
+        cameras.append(place)
+        rotations.append(rotation)
+    found = Unknowns(
+        points,
+        np.array(instruments).reshape(-1, 4),
+        np.array(cameras).reshape(-1, 3),
+        np.array(rotations).reshape(-1, 3, 3),
+    )
+    angles = np.isfinite(polar.value[:, :2]).all(axis=1)
+    instrument = found.instruments[network.polar_setup[angles]]
+    direction, zenith = polar.value[angles, 0], polar.value[angles, 1]
+    towards = np.column_stack([images.value, np.ones(len(images.value))])
+    towards = np.einsum("nji,nj->ni", found.rotations[network.image_setup], towards)
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    point = np.concatenate([network.polar_point[angles], network.image_point])
+    origin = np.concatenate([instrument[:, :3], found.cameras[network.image_setup]])
+    ray = np.concatenate([unit_vectors(direction + instrument[:, 3], zenith), towards])
+    for number in range(n, len(points)):
+        own = point == number
+        try:
+            points[number] = intersection(origin[own], ray[own])
+        except SurveyError as error:
+            raise SurveyError(
+                f"point {network.points[number]!r}: {error.what}",
+                where=network.where,
+                hint=error.hint,
+            ) from None
+    return found
 
 
 def unit_vectors(direction: Array, zenith: Array) -> Array:
@@ -21,7 +79,7 @@ def unit_vectors(direction: Array, zenith: Array) -> Array:
     return np.column_stack([flat * np.sin(direction), flat * np.cos(direction), np.cos(zenith)])
 
 
-def resected_setup(polar: Array, known: Array, *, where: str) -> tuple[Array, float]:
+def resected_instrument(polar: Array, known: Array, *, where: str) -> tuple[Array, float]:
     """Place of a levelled total station, and the azimuth of its direction zero.
 
     Parameters
@@ -32,6 +90,13 @@ def resected_setup(polar: Array, known: Array, *, where: str) -> tuple[Array, fl
         Their approximate coordinates, metres.
     where : str
         Name of the set-up, for errors.
+
+    Returns
+    -------
+    place : ndarray, shape (3,)
+        Metres.
+    zero : float
+        Azimuth of direction zero, radians.
 
     Raises
     ------
@@ -45,7 +110,7 @@ def resected_setup(polar: Array, known: Array, *, where: str) -> tuple[Array, fl
         raise SurveyError(
             f"cannot be placed: {error.what}",
             where=where,
-            hint="Sight three or more control points with their distances.",
+            hint="Observe three or more control points with their distances.",
         ) from None
     return place, float(np.arctan2(rotation[0, 1], rotation[1, 1]))
 
@@ -66,7 +131,7 @@ def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array
     -------
     place : ndarray, shape (3,)
     rotation : ndarray, shape (3, 3)
-        From the field into the camera, whose third axis looks forward.
+        From the site frame into the camera frame, whose third axis looks forward.
 
     Raises
     ------
@@ -97,8 +162,8 @@ def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array
         projection = -projection
     left, _, right = np.linalg.svd(projection[:, :3])
     rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    # With points near one plane the linear solution can be anything: then cameras are tried that
-    # look about, held upright, on the head or on their sides.
+    # With points near one plane the linear solution can be wrong by any amount. Therefore cameras
+    # are tried that look in all directions, held upright, upside down or on their sides.
     looks = Rotation.from_euler("yxz", list(product(*_LOOKS)), degrees=True).as_matrix() @ _LEVEL
     for trial in (rotation, *looks):
         place, found, residual = _refined(trial, tangents, scaled)
@@ -114,18 +179,18 @@ def resected_camera(tangents: Array, known: Array, *, where: str) -> tuple[Array
 #: Headings, tilts and rolls of the trials, degrees, and a level camera that looks along Y.
 _LOOKS = (range(0, 360, 45), (0, 40, -40), (0, 90, 180, 270))
 _LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-#: Root mean square residual, as an angle, of a camera that is in its place: control points may be
-#: wrong by some centimetres.
+#: Largest root mean square residual, as an angle, of an accepted camera: approximate coordinates of
+#: control points may be wrong by some centimetres.
 _ACCEPTED = 0.02
 
 
 def _refined(rotation: Array, tangents: Array, known: Array) -> tuple[Array, Array, float]:
-    """Place and rotation by least squares, and the root mean square of the angles left."""
+    """Place and rotation by least squares, and the root mean square of the residual angles."""
     rays = np.column_stack([tangents, np.ones(len(tangents))])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
 
     def residuals(unknowns: Array) -> Array:
-        # Unit vectors, not tangents: a point behind the camera is far off, not hidden.
+        # Unit vectors, not tangents: a point behind the camera has a large residual.
         seen = (known - unknowns[:3]) @ (rotation_from_vector(unknowns[3:]) @ rotation).T
         return np.asarray(rays - seen / np.linalg.norm(seen, axis=1, keepdims=True)).ravel()
 
@@ -136,13 +201,24 @@ def _refined(rotation: Array, tangents: Array, known: Array) -> tuple[Array, Arr
 
 
 def _placed(rotation: Array, tangents: Array, known: Array) -> Array:
-    """Place of a camera of known rotation: where the rays of the points meet best."""
+    """Place of a camera of known rotation: the point nearest to the rays of the points."""
     rays = np.column_stack([tangents, np.ones(len(tangents))]) @ rotation
     return intersection(known, rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def intersection(origins: Array, directions: Array) -> Array:
-    """Point nearest to rays, shape (n, 3) each; the directions are unit vectors.
+    """Point nearest to rays.
+
+    Parameters
+    ----------
+    origins : ndarray, shape (n, 3)
+        A point on every ray, metres.
+    directions : ndarray, shape (n, 3)
+        Unit vectors.
+
+    Returns
+    -------
+    ndarray, shape (3,)
 
     Raises
     ------

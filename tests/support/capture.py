@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from velocal.capture.ledger import Ledger
-from velocal.capture.reading import ANY, Choice, open_recording
+from velocal.capture.reading import open_capture
+from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.packets import data as packets
 
 PAYLOAD = 1206
@@ -136,12 +137,12 @@ def write(folder: Path, content: bytes | Iterable[bytes], name: str = "recording
 
 
 def scan(
-    path: Path, choice: Choice = ANY
+    path: Path, source: SourceFilter = ANY_SOURCE
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, Ledger]:
-    """Every sound payload of a file, where it begins, when it was caught, and the ledger."""
-    ledger = Ledger(0)
-    chunks = list(open_recording(path, choice).packets(ledger))
+    """Every valid payload of a file, where it begins, when it was caught, and the ledger."""
+    reading = open_capture(path, source).read()
+    chunks = list(reading)
     payloads = np.concatenate([np.empty((0, PAYLOAD), np.uint8)] + [c.payloads for c in chunks])
     offsets = np.concatenate([np.empty(0, np.int64)] + [c.offsets for c in chunks])
     times = [c.capture_time_s for c in chunks if c.capture_time_s is not None]
-    return payloads, offsets, np.concatenate(times) if times else None, ledger
+    return payloads, offsets, np.concatenate(times) if times else None, reading.ledger

@@ -8,7 +8,7 @@ import numpy as np
 from velocal.simulation import world
 from velocal.study.model import read_yaml
 
-CONTENT = read_yaml(Path(__file__).resolve().parents[1] / "config/world.yaml")
+CONTENT = read_yaml(Path(__file__).resolve().parents[2] / "config/world.yaml")
 WORLD = world.load(CONTENT)
 UPRIGHT = {"heading_deg": 0.0, "tilt_x_deg": 0.0, "tilt_y_deg": 0.0}
 #: One room of 4 m x 3 m with a door in its east wall and a window in its north wall.

@@ -13,17 +13,17 @@ from velocal.adjustment.stochastic import Stochastic
 from velocal.io import schemas, storage
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
-from velocal.reduction.assignment import Gates
-from velocal.reduction.medians import cell_medians
-from velocal.reduction.scans import assigned_scan
+from velocal.reduction.assignment import Limits, assigned_rows
+from velocal.reduction.medians import binned_medians
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture, survey, truth, world
 from velocal.survey.network.survey import adjust_field_book
-from velocal.survey.station import adjust_station, observations
+from velocal.survey.station import Station
 
 WORLD = Path(__file__).parents[2] / "config/world.yaml"
-GATES = Gates(0.25, 0.05, 1.396)
+LIMITS = Limits(0.25, 0.05, 1.396)
 
 
 def study_world() -> world.World:
@@ -67,29 +67,28 @@ def run(
     chosen = np.flatnonzero(index.complete)
     write_returns(recording, index, chosen, known, parquet)
     columns, facts = storage.read_table(parquet, schemas.RETURNS)
-    medians = cell_medians(
+    medians = binned_medians(
         columns["azimuth"],
         columns["laser_id"],
         columns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        cell_ticks=known.cell_ticks,
+        bin_ticks=known.azimuth_bin_ticks,
         min_count=3,
     )
     surveyed = adjust_field_book(survey.field_book(simulated))
-    station = adjust_station(
+    station = Station.adjust(
         surveyed.planes,
-        surveyed.readings[scanner].targets,
-        surveyed.base_field[position],
+        surveyed.base_scanner[scanner].targets,
+        surveyed.base_site[position],
         planes,
         where="loop",
     )
     factory = truth.factory_parameters(simulated, scanner)
     if from_stream:
         factory = inspection.status.calibration(str(recording))
-    rows = assigned_scan(
-        asdict(medians), known, facts["rotation_rate_hz"], factory, station.patches, GATES
-    )
-    data = observations(rows, station.patches)
+    beams = Beams.from_ticks(asdict(medians), known, facts["rotation_rate_hz"])
+    rows = assigned_rows(beams, factory, station.patches, LIMITS)
+    data = station.observations(rows)
     return Loop(
         data,
         factory,

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from capture_helpers import FIRST_SECOND, as_bytes, pcap_head, pcap_packet, udp_frame
+
+from support.capture import FIRST_SECOND, as_bytes, pcap_head, pcap_packet, udp_frame
 
 ADDRESS = bytes([192, 168, 1, 201])
 

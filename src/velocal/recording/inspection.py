@@ -1,0 +1,158 @@
+"""What a complete scan of a recording found, and how it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from velocal.capture.ledger import Ledger
+from velocal.packets.status import TrailingStatus
+from velocal.recording.rotation_index import RotationIndex
+from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One line that is told about a recording.
+
+    Attributes
+    ----------
+    label : str
+        Heading for people; empty for what is told to programs only.
+    text : str
+        The same as `values`, for people.
+    values : dict
+        Key and value in JSON; empty for what is told to people only.
+    """
+
+    label: str
+    text: str
+    values: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What a complete scan of a recording found.
+
+    Attributes
+    ----------
+    index : RotationIndex
+    ledger : Ledger
+    gaps, packets_missing : int
+        Interruptions of the packet sequence, and the packets they must have held; by the device
+        clock, or by capture times where the azimuth agrees.
+    packet_interval_s : float
+        Median time between packets; NaN without time.
+    azimuth_step_ticks : float
+        Median difference of azimuths of successive firings.
+    azimuth_multiple : int
+        Greatest common divisor of all azimuths: 9 for an encoder of 0.09 degree.
+    clock : str
+        "device", "capture" or "none": where times come from.
+    block_counts : dict of str to int
+        Number of upper and lower blocks; of the third and fourth bank of a VLS-128.
+    dual : bool
+        Whether every shot has two returns.
+    mode : str
+        What the scanner says of its returns: "strongest", "last" or "dual"; empty if it says
+        nothing.
+    product : int or None
+        Last byte of the payloads, if it never changes.
+    status_types : str
+        Printable status types in the last but one byte (HDL-64E S2 and S3).
+    status : TrailingStatus
+        What the trailing bytes say: temperature, firmware, time, embedded calibration.
+    """
+
+    index: RotationIndex
+    ledger: Ledger
+    gaps: int = 0
+    packets_missing: int = 0
+    packet_interval_s: float = float("nan")
+    azimuth_step_ticks: float = float("nan")
+    azimuth_multiple: int = 0
+    clock: str = "none"
+    block_counts: dict[str, int] = field(default_factory=dict)
+    dual: bool = False
+    mode: str = ""
+    product: int | None = None
+    status_types: str = ""
+    status: TrailingStatus = field(default_factory=TrailingStatus)
+
+    @property
+    def calibration_in_stream(self) -> bool:
+        """Whether the status bytes hold the factory's calibration."""
+        return self.status.parameters is not None
+
+    @property
+    def banks(self) -> int:
+        """Number of banks of 32 lasers that occur."""
+        return sum(count > 0 for count in self.block_counts.values())
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last packet, seconds; NaN without time."""
+        return float(self.index.time_s[-1] - self.index.time_s[0])
+
+    @property
+    def firing_cycle_s(self) -> float:
+        """Time between blocks that differ in azimuth; NaN without a device clock.
+
+        It follows from the rotation rate and the azimuth step, so that lost packets do not change
+        it.
+        """
+        if self.clock != "device":
+            return float("nan")
+        return self.azimuth_step_ticks / AZIMUTH_TICKS / self.index.rate_hz()
+
+    def facts(self) -> list[Fact]:
+        """Everything that is told about a recording, in order: the only list of it."""
+        complete, rate_hz = int(self.index.complete.sum()), self.index.rate_hz()
+        packet_rate_hz = 1.0 / self.packet_interval_s
+        step_deg = self.azimuth_step_ticks * AZIMUTH_TICK_DEG
+        resolution_deg = self.azimuth_multiple * AZIMUTH_TICK_DEG
+        returns = "dual" if self.dual else self.mode or "single"
+        product = None if self.product is None else f"0x{self.product:02X}"
+        return [
+            Fact(
+                "duration",
+                f"{self.duration_s:.3f} s ({self.clock} clock)",
+                {"duration_s": self.duration_s, "clock": self.clock},
+            ),
+            Fact(
+                "rotations",
+                f"{len(self.index)}, {complete} complete",
+                {"rotations": len(self.index), "rotations_complete": complete},
+            ),
+            Fact("rotation rate", f"{rate_hz:.3f} Hz", {"rotation_rate_hz": rate_hz}),
+            Fact("packet rate", f"{packet_rate_hz:.1f} Hz", {"packet_rate_hz": packet_rate_hz}),
+            Fact(
+                "azimuth step",
+                f"{step_deg:.2f} deg, in multiples of {resolution_deg:.2f} deg",
+                {"azimuth_step_deg": step_deg, "azimuth_resolution_deg": resolution_deg},
+            ),
+            Fact(
+                "gaps",
+                f"{self.gaps}, about {self.packets_missing} packets missing",
+                {"gaps": self.gaps, "packets_missing": self.packets_missing},
+            ),
+            Fact(
+                "blocks",
+                ", ".join(f"{count} {bank}" for bank, count in self.block_counts.items()),
+                {"block_counts": self.block_counts},
+            ),
+            Fact("returns", returns, {"returns": returns}),
+            Fact("product byte", product or "none", {"product": product}),
+            Fact("", "", {"status_types": self.status_types}),
+            *(Fact(label, text, {}) for label, text in self.status.lines().items()),
+            Fact(
+                "embedded calibration",
+                self.status.calibration_text,
+                {"calibration_in_stream": self.calibration_in_stream},
+            ),
+            Fact("", "", {"status": self.status.as_dict(), "ledger": self.ledger.as_dict()}),
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain mapping of all facts, for JSON."""
+        return {key: value for fact in self.facts() for key, value in fact.values.items()}

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import capture_helpers
 import pytest
 import yaml
-from workflow.in_process import Rules, put_aside
-from workflow.running import copy_project
-from workflow.tiny import NEW_ROW, SECOND_POSITION, make_tiny
+from support import capture
+from support.in_process import Rules, put_aside
+from support.running import copy_project
+from support.tiny import NEW_ROW, SECOND_POSITION, make_tiny
 
 from velocal.errors import VelocalError
 from velocal.study.config import StudyConfig
@@ -295,8 +295,8 @@ def study(tmp_path_factory):
     with (folder / "config/samples.tsv").open("a") as file:
         file.write(SECOND_POSITION + NEW_ROW)
     (folder / "captures").mkdir()
-    shots = capture_helpers.spin(300, interval_us=276, status=(0x39, 0x21))
-    twice = capture_helpers.as_bytes(capture_helpers.two_returns(shots))
+    shots = capture.spin(300, interval_us=276, status=(0x39, 0x21))
+    twice = capture.as_bytes(capture.two_returns(shots))
     (folder / "captures/dual.bin").write_bytes(b"".join(twice))
     (folder / "captures/room.bin").touch()
     here = Path.cwd()

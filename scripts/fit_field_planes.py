@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -15,6 +14,7 @@ from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Box, PlaneSearch
 
 
 def main(
@@ -27,8 +27,8 @@ def main(
     png: Path,
     sample: str,
     scanner: str,
-    patches: Mapping[str, Any] | None,
-    search: Mapping[str, Any],
+    patches: Mapping[str, Box] | None,
+    search: PlaneSearch,
     sigma_cm: float,
 ) -> None:
     """Write planes as JSON, statistics of s per plane and laser as CSV, and a picture."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from velocal.calibration.files import formats
@@ -15,6 +15,8 @@ from velocal.io.scripts import run
 from velocal.recording.returns import read_short
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Panel, PanelFit
+from velocal.study.samples import OutdoorSample
 
 
 def main(
@@ -24,25 +26,24 @@ def main(
     sets: list[Path],
     ledger: Path,
     panels: Path,
-    sample: Mapping[str, Any],
+    sample: OutdoorSample,
     parameter_sets: list[str],
-    boxes: Mapping[str, Any],
-    fit: Mapping[str, float],
+    boxes: Mapping[str, Panel],
+    fit: PanelFit,
 ) -> None:
     """Write the ledger as JSON and the root mean squares of s as CSV.
 
     Sets are the files of `parameter_sets` in order.
     """
-    known = scanner_named(sample["scanner"])
+    known = scanner_named(sample.scanner)
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
-    place = Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
-    limits = PlaneLimits.from_config(fit)
-    planes = fit_panels(cloud, place, limits, f"sample {sample['name']!r}")
-    heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
+    place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
+    planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
+    heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
     rows = [heading | row for row in panel_rows(cloud, planes, candidates)]
     storage.write_csv(panels, pd.DataFrame(rows))
     facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}

@@ -10,8 +10,8 @@ from support.chain import study_world
 
 from velocal.paper import printed, replicate, tuning
 from velocal.paper.agreement import judged
-from velocal.study.config import read_study
-from velocal.study.sheets import read_yaml
+from velocal.study.model import read_yaml
+from velocal.study.study import read_study
 
 ROOT = Path(__file__).parents[2]
 WORLD = study_world()
@@ -30,9 +30,7 @@ OTHER = {
 def small_study(monkeypatch):
     """Sample sa5 alone."""
     monkeypatch.chdir(ROOT)
-    study = read_study(
-        read_yaml(ROOT / "config/config.yaml"), ROOT / "workflow/schemas", "configuration"
-    )
+    study = read_study(read_yaml(ROOT / "config/config.yaml"), "configuration")
     return replace(study, surveyed={"sa5": study.surveyed["sa5"]})
 
 

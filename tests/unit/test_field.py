@@ -15,6 +15,7 @@ from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
+from velocal.study.config import Box, PlaneSearch
 
 SCANNER = scanner_named("HDL-32E")
 SEARCH = planes_in_data.Search(
@@ -66,8 +67,8 @@ def together(*clouds: planes_in_data.Cloud) -> planes_in_data.Cloud:
 def test_patch_points():
     xyz = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2], [1, 1, 9]])
     box = {"x_m": [1.0, 3.0], "y_m": [3.0, 0.5], "z_m": [0.0, 2.0]}
-    np.testing.assert_array_equal(planes_in_data.patch_points(xyz, box), [1, 2])
-    assert len(planes_in_data.patch_points(xyz, {**box, "x_m": [5.0, 6.0]})) == 0
+    np.testing.assert_array_equal(planes_in_data.patch_points(xyz, Box(**box)), [1, 2])
+    assert len(planes_in_data.patch_points(xyz, Box(**{**box, "x_m": [5.0, 6.0]}))) == 0
 
 
 def test_planes_of_a_room():
@@ -186,7 +187,7 @@ def test_offsets_of_lasers_are_not_trimmed():
     rng = np.random.default_rng(2)
     offsets = rng.normal(0.0, 0.08, 32)
     cloud = scan([WALL], offsets=offsets)
-    rows = planes_in_data.patch_points(cloud.xyz, {"x_m": [-3, 3], "y_m": [4, 6], "z_m": [-2, 2]})
+    rows = planes_in_data.patch_points(cloud.xyz, Box(x_m=(-3, 3), y_m=(4, 6), z_m=(-2, 2)))
     plane = planes_in_data.fit_robustly("wall", cloud, rows, SEARCH)
     assert plane.trimmed < 0.015 * len(rows)
     medians = {"count": np.full(len(cloud.phi), 9), "spread": np.full(len(cloud.phi), 2.0)}
@@ -215,7 +216,8 @@ def test_patches():
         "air": {"x_m": [1, 2], "y_m": [1, 2], "z_m": [0, 1]},
         "crumb": {"x_m": [0, 0.1], "y_m": [4.5, 5.5], "z_m": [-1, 1]},
     }
-    planes, findings = plane_search.planes_of(cloud, patches, SEARCH)
+    boxes = {name: Box(**box) for name, box in patches.items()}
+    planes, findings = plane_search.planes_of(cloud, boxes, SEARCH)
     assert [plane.name for plane in planes] == ["wall"]
     assert planes[0].fit.plane.offset == pytest.approx(-5.0, abs=1e-3)
     assert findings[0].startswith("air: 0 points of 0 lasers")
@@ -233,8 +235,8 @@ def test_three_lasers_fix_no_plane():
 
 def test_search_from_config():
     search = planes_in_data.Search.from_config(
-        {"planes": 3, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-         "incidence_deg": np.rad2deg(1.2), "seed": 1}
+        PlaneSearch(planes=3, distance_cm=6, extent_m=6, min_points=200,
+                    incidence_deg=np.rad2deg(1.2), seed=1)
     )  # fmt: skip
     assert search.distance_m == pytest.approx(SEARCH.distance_m)
     assert search.incidence_rad == pytest.approx(SEARCH.incidence_rad)
@@ -286,8 +288,8 @@ def fit(folder: Path, root: Path, cloud: planes_in_data.Cloud, **changed) -> dic
     storage.write_table(path, schemas.MEDIANS, medians_of(cloud), rotation_rate_hz=10.0)
     outputs = {name: folder / f"planes.{name}" for name in ("svg", "png")}
     outputs |= {"planes": folder / "planes.json", "lasers": folder / "lasers.csv"}
-    search = {"planes": 2, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-              "incidence_deg": 70, "seed": 1}  # fmt: skip
+    search = PlaneSearch(planes=2, distance_cm=6, extent_m=6, min_points=200,
+              incidence_deg=70, seed=1)  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
                  "sigma_cm": 2.0, **changed}  # fmt: skip
     main(medians=path, calibration=None, **outputs, **arguments)

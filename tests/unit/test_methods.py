@@ -19,6 +19,7 @@ from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import Adjustment
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
@@ -259,7 +260,10 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
             for k, row in enumerate(first)
         ]
         write_station(tmp_path / f"{name.upper()}.json", name.upper(), scanner.name, patches)
-    adjustment = {"noise_cm": 1.0, "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
+    adjustment = Adjustment.model_validate(
+        {"method": "prior", "parameters": ["dl", "alpha", "v"], "noise_cm": 1.0,
+         "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
+    )  # fmt: skip
     seen = []
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()

@@ -19,11 +19,12 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
+from velocal.study.config import Panel, PanelFit
 
 SCANNER = "HDL-32E"
 BOXES = {
-    "left": {"across_m": [-1.8, -0.2], "up_m": [-1.3, 1.4]},
-    "right": {"across_m": [0.2, 1.8], "up_m": [-1.3, 1.4]},
+    "left": Panel(across_m=(-1.8, -0.2), up_m=(-1.3, 1.4)),
+    "right": Panel(across_m=(0.2, 1.8), up_m=(-1.3, 1.4)),
 }
 FIT = {"depth_m": 0.6, "min_points": 100, "min_lasers": 3, "incidence_deg": 70}
 ROTATIONS = 3
@@ -41,8 +42,9 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
 
 
 def fitted(cloud, distance_m=10.0, **fit):
-    panels = Panels.from_config(distance_m, 8.0, BOXES, FIT | fit)
-    return fit_panels(cloud, panels, PlaneLimits.from_config(FIT | fit), "sample 'x'")
+    wanted = PanelFit(**(FIT | fit))
+    panels = Panels(distance_m, np.deg2rad(8.0), BOXES, wanted.depth_m)
+    return fit_panels(cloud, panels, PlaneLimits.from_fit(wanted), "sample 'x'")
 
 
 def with_kind(world, **changes):

@@ -14,8 +14,8 @@ SAMPLES = {"hdl64e_s1": "HDL-64E-S1", "hdl32e": "HDL-32E", "vlp16": "VLP-16"}
 
 def run(folder: Path, recordings: Path, *arguments: str):
     return snakemake(
-        folder, "--cores", "2", "--configfile", "config/field.yaml",
-        "--config", f"field={{recordings: {recordings}}}", *arguments,
+        folder, "--cores", "2", "--configfile", "config/unsurveyed.yaml",
+        "--config", f"unsurveyed={{recordings: {recordings}}}", *arguments,
     )  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def test_second_run_is_idle(finished, shared):
 def test_missing_captures_are_one_clear_error(tmp_path):
     """As on a fresh checkout: nothing was fetched yet."""
     folder = copy_project(tmp_path / "project")
-    done = snakemake(folder, "--cores", "2", "--configfile", "config/field.yaml")
+    done = snakemake(folder, "--cores", "2", "--configfile", "config/unsurveyed.yaml")
     said = done.stdout + done.stderr
     assert done.returncode == 1
     assert "no file 'data/recordings/hdl64e-s1-outdoor-wall.pcap'" in said

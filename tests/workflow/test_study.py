@@ -165,12 +165,12 @@ def test_nothing_downstream_sees_the_truth(tmp_path):
 
 
 def test_a_study_starts_from_its_own_recording(tmp_path):
-    """`stream` in the sheet: no calibration file is handed over, none is planned to be made."""
+    """`embedded` in the sample table: no calibration file is handed over, and none is made."""
     folder = copy_project(tmp_path / "project")
     make_tiny(folder)
     config = folder / "config/config.yaml"
     for sheet in (folder / "config").glob("*.tsv"):
-        text = sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "stream")
+        text = sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "embedded")
         sheet.write_text(text)
     # The table takes 4160 packets from where it begins: 24 rotations hold it for sure.
     config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))

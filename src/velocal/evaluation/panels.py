@@ -25,6 +25,7 @@ from velocal.evaluation.planes_in_data import (
 )
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
+from velocal.study.config import Box, Panel
 
 Array = NDArray[np.float64]
 
@@ -39,42 +40,16 @@ class Panels:
         Horizontal distance of the panels from the scanner.
     azimuth_rad : float
         Direction of the middle between them, clockwise from the scanner's Y axis.
-    boxes : mapping of str to mapping
-        By panel, `across_m` and `up_m`, each from and to: to the right of that direction, and
-        above the origin of the scanner.
+    boxes : mapping of str to Panel
+        By panel, spans to the right of that direction and above the origin of the scanner.
     depth_m : float
         Points may lie so far before or behind the distance.
     """
 
     distance_m: float
     azimuth_rad: float
-    boxes: Mapping[str, Mapping[str, Sequence[float]]]
+    boxes: Mapping[str, Panel]
     depth_m: float
-
-    @classmethod
-    def from_config(
-        cls,
-        distance_m: float,
-        azimuth_deg: float,
-        boxes: Mapping[str, Mapping[str, Sequence[float]]],
-        fit: Mapping[str, float],
-    ) -> Panels:
-        """Panels out of a row of the sheet and the configuration's `outdoor`.
-
-        Parameters
-        ----------
-        distance_m, azimuth_deg : float
-            Where the panels stand.
-        boxes : mapping of str to mapping
-            As in `Panels`.
-        fit : mapping of str to float
-            ``depth_m`` is used.
-
-        Returns
-        -------
-        Panels
-        """
-        return cls(distance_m, float(np.deg2rad(azimuth_deg)), boxes, fit["depth_m"])
 
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:
         """Rows of the points, shape (n, 3) in the scanner frame, inside a panel's box."""
@@ -86,9 +61,9 @@ class Panels:
                 xyz[:, 2],
             ]
         )
-        ahead = [self.distance_m - self.depth_m, self.distance_m + self.depth_m]
+        ahead = (self.distance_m - self.depth_m, self.distance_m + self.depth_m)
         box = self.boxes[name]
-        return patch_points(turned, {"x_m": box["across_m"], "y_m": ahead, "z_m": box["up_m"]})
+        return patch_points(turned, Box(x_m=box.across_m, y_m=ahead, z_m=box.up_m))
 
 
 def fit_panels(cloud: Cloud, panels: Panels, limits: PlaneLimits, where: str) -> list[FieldPlane]:

@@ -7,7 +7,7 @@ thin.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from velocal.evaluation.planes_in_data import (
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
+from velocal.study.config import Box
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -48,15 +49,13 @@ CELL_RAD = np.deg2rad(0.6)
 ROUNDS = 10
 
 
-def planes_of(
-    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]] | None, search: Search
-) -> Found:
+def planes_of(cloud: Cloud, patches: Mapping[str, Box] | None, search: Search) -> Found:
     """Fit planes to patches where there are any, or find them.
 
     Parameters
     ----------
     cloud : Cloud
-    patches : mapping of str to mapping, or None
+    patches : mapping of str to Box, or None
         Boxes by name, as in `patch_points`.
     search : Search
 

@@ -19,6 +19,7 @@ from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import Box, PanelFit, PlaneSearch
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -96,12 +97,12 @@ class PlaneLimits:
     min_lasers: int = MIN_LASERS
 
     @classmethod
-    def from_config(cls, fit: Mapping[str, Any]) -> PlaneLimits:
+    def from_fit(cls, fit: PanelFit) -> PlaneLimits:
         """Limits out of the configuration's `outdoor: fit`."""
         return PlaneLimits(
-            min_points=int(fit["min_points"]),
-            incidence_rad=float(np.deg2rad(fit["incidence_deg"])),
-            min_lasers=int(fit["min_lasers"]),
+            min_points=fit.min_points,
+            incidence_rad=float(np.deg2rad(fit.incidence_deg)),
+            min_lasers=fit.min_lasers,
         )
 
 
@@ -127,15 +128,15 @@ class Search(PlaneLimits):
     seed: int
 
     @classmethod
-    def from_config(cls, search: Mapping[str, Any]) -> Search:
-        """Search out of the configuration's `field: search`."""
+    def from_config(cls, search: PlaneSearch) -> Search:
+        """Search out of the configuration's `unsurveyed: search`."""
         return cls(
-            planes=search["planes"],
-            distance_m=search["distance_cm"] * 1e-2,
-            extent_m=search["extent_m"],
-            min_points=search["min_points"],
-            incidence_rad=float(np.deg2rad(search["incidence_deg"])),
-            seed=search["seed"],
+            planes=search.planes,
+            distance_m=search.distance_cm * 1e-2,
+            extent_m=search.extent_m,
+            min_points=search.min_points,
+            incidence_rad=float(np.deg2rad(search.incidence_deg)),
+            seed=search.seed,
         )
 
 
@@ -177,24 +178,21 @@ class FieldPlane:
 Found = tuple[list[FieldPlane], list[str]]
 
 
-def patch_points(xyz: Array, box: Mapping[str, Sequence[float]]) -> Rows:
-    """Rows of the points, shape (n, 3), inside a box: `x_m`, `y_m`, `z_m`, each from and to."""
+def patch_points(xyz: Array, box: Box) -> Rows:
+    """Rows of the points, shape (n, 3), inside a box."""
     inside = np.ones(len(xyz), dtype=bool)
-    for axis, name in enumerate(("x_m", "y_m", "z_m")):
-        low, high = sorted(box[name])
+    for axis, (low, high) in enumerate((box.x_m, box.y_m, box.z_m)):
         inside &= (xyz[:, axis] >= low) & (xyz[:, axis] <= high)
     return np.flatnonzero(inside)
 
 
-def fit_patches(
-    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]], limits: PlaneLimits
-) -> Found:
+def fit_patches(cloud: Cloud, patches: Mapping[str, Box], limits: PlaneLimits) -> Found:
     """Fit a plane to the points in each box; a box without a plane becomes a finding.
 
     Parameters
     ----------
     cloud : Cloud
-    patches : mapping of str to mapping
+    patches : mapping of str to Box
         Boxes by name, as in `patch_points`.
     limits : PlaneLimits
 

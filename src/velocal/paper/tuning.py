@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from velocal.paper.printed import CONTRADICTIONS
 from velocal.paper.replicate import agreement, spread
 from velocal.simulation.world import load
-from velocal.study.config import Study
+from velocal.study.study import Study
 
 #: Step of the numerical derivatives, as a share of the constant: well above what the rounding of
 #: the tables and the choice of the best set do.

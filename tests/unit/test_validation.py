@@ -22,6 +22,7 @@ from velocal.geometry.planes import Patch, Plane
 from velocal.io import schemas, storage
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
+from velocal.study.config import AssignmentLimits, Validation
 
 S = np.array([0.01, -0.03, 0.02, 0.05, 0.07, 0.001, -0.002])
 LASER = np.array([0, 0, 0, 2, 2, 2, 2])
@@ -121,10 +122,10 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
     formats.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
     statistics = tmp_path / "statistics.csv"
     residuals_validation.main(
-        returns, survey, None, [of_set], statistics,
+        returns=returns, survey=survey, calibration=None, sets=[of_set], statistics=statistics,
         sample="a", window="middle", scanner=known.name, parameter_sets=[name],
-        gates={"distance_cm": 50, "incidence_deg": 70, "edge_cm": 5},
-        config={"rotations": 1, "sigma_cm": 2.0},
+        limits=AssignmentLimits(distance_cm=50, incidence_deg=70, edge_cm=5),
+        validation=Validation(rotations=1, sigma_cm=2.0),
     )  # fmt: skip
     rows = pd.DataFrame(storage.read_csv(statistics, text=KEYS))
     assert len(rows) == 2 * known.n_lasers

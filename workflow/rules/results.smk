@@ -133,7 +133,7 @@ rule write_report:
             scanner for scanner, sets in STUDY.parameter_sets.items() for _ in sets
         ],
         set_names=[name for sets in STUDY.parameter_sets.values() for name in sets],
-        field_samples=list(STUDY.field),
+        field_samples=list(STUDY.unsurveyed),
         outdoor_figures=list(OUTDOOR_FIGURES),
     script:
         "../../scripts/write_report.py"

@@ -179,7 +179,7 @@ def read_yaml(path: Path) -> Any:
         If it is missing or no YAML.
     """
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_SAFE)
+        return _SAFE(path.read_text(encoding="utf-8")).get_single_data()
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
 

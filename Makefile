@@ -34,8 +34,8 @@ coverage: $(INSTALLED) ## how often stated intervals cover the truth of the simu
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
 	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv
 
-field: $(INSTALLED) ## run the workflow on recordings without a survey (config/field.yaml)
-	$(RUN) snakemake --cores $(CORES) --configfile config/field.yaml
+field: $(INSTALLED) ## run the workflow on recordings without a survey (config/unsurveyed.yaml)
+	$(RUN) snakemake --cores $(CORES) --configfile config/unsurveyed.yaml
 
 test: lint ## run all checks and tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \

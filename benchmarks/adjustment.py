@@ -10,10 +10,10 @@ from pathlib import Path
 
 import yaml
 
-from velocal.adjustment import settings
 from velocal.adjustment.lasers import adjust_all
 from velocal.io import schemas, storage
 from velocal.simulation import truth, world
+from velocal.study.config import Adjustments
 from velocal.survey.station import read_station
 
 ROOT = Path(__file__).parents[1]
@@ -36,9 +36,9 @@ def main(results: Path, sample: str, window: str, position: str = "P2") -> None:
     data = station.observations(columns)
 
     def adjust(method: str) -> Callable[[], object]:
-        chosen = config | {"method": method}
-        model = settings.stochastic(chosen, [station.uncertainty()])
-        names, solver = chosen["parameters"], settings.solver(chosen)
+        chosen = Adjustments.model_validate(config | {"method": method})
+        model = chosen.stochastic([station.uncertainty()])
+        names, solver = chosen.parameters, chosen.solver()
         return lambda: adjust_all(data, factory, names, solver, model)
 
     work = {

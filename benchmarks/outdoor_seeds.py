@@ -14,16 +14,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations, adjust_all
-from velocal.evaluation import panels as outdoor
-from velocal.evaluation import planes_in_data as field
+from velocal.evaluation.candidates import with_sets
+from velocal.evaluation.panels import Panels, fit_panels, panel_rows
+from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
+from velocal.paper.outdoor import before_and_after, summarise
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
 from velocal.simulation.scene import Scene, cast, site_scene
-from velocal.study.sheets import read_yaml
+from velocal.study.model import read_yaml
+from velocal.study.study import read_study
 
 PLANES = 3
 ROTATIONS = 8
@@ -43,7 +45,7 @@ def shots(simulated, scanner, scene: Scene, ticks):
     return phi, lasers, length, raw, surface
 
 
-def adjusted(simulated, scanner, position, sample, config):
+def adjusted(simulated, scanner, position, sample, adjustment):
     """Corrections of one sample on the surveyed field."""
     scene = site_scene(simulated, scanner, position)
     phi, lasers, _, raw, surface = shots(simulated, scanner, scene, np.arange(0, AZIMUTH_TICKS, 27))
@@ -57,38 +59,39 @@ def adjusted(simulated, scanner, position, sample, config):
     )
     s = surface[hit]
     seen = Observations(raw[hit], phi[hit], lasers[hit], normal[s], offset[s], s)
-    names = config["parameters"]
+    names = adjustment.parameters
     factory = truth.factory_parameters(simulated, scanner)
     # Only the corrections are of interest here: what covariances need is left out.
-    plain = {k: v for k, v in config.items() if k not in ("block_deg", "repeatability_cm")}
-    results = adjust_all(seen, factory, names, settings.solver(plain), settings.stochastic(plain))
+    plain = replace(adjustment.stochastic(), block_rad=None, repeatability_m=0.0)
+    results = adjust_all(seen, factory, names, adjustment.solver(), plain)
     return dict(zip(names, np.array([r.corrections for r in results]).T, strict=True))
 
 
-def parameter_sets(simulated, scanner, config, positions):
-    """Factory values and parameter sets as the study forms them."""
+def parameter_sets(simulated, scanner, study):
+    """Candidates: the factory's values, and parameter sets as the study forms them."""
     factory = truth.factory_parameters(simulated, scanner)
-    adjustment = dict(config["adjustment"])
-    adjustment |= adjustment.pop("by_scanner", {}).get(scanner, {})
-    sets = config["parameter_sets"][scanner]
+    sets = study.parameter_sets[scanner]
     single = {
-        name: adjusted(simulated, scanner, positions[name], name, adjustment)
+        name: adjusted(
+            simulated, scanner, study.surveyed[name].position, name, study.adjustment(scanner)
+        )
         for name in dict.fromkeys(sample for samples in sets.values() for sample in samples)
     }
-    return {outdoor.BEFORE: factory} | {
+    averages = {
         name: factory.corrected(
             {key: np.mean([single[s][key] for s in samples], axis=0) for key in single[samples[0]]}
         )
         for name, samples in sets.items()
     }
+    return with_sets(factory, averages)
 
 
-def sample(simulated, row, candidates, config):
+def sample(simulated, row, candidates, section):
     """Rows of the panels of one outdoor sample."""
-    scanner = SCANNERS[row["scanner"]]
-    scene = outdoor_scene(simulated, scanner.name, row["scene"], 1.0)
-    middle, half = simulated.outdoor["azimuth_deg"], np.rad2deg(2.5 / float(row["distance_m"]))
-    rng = simulated.rng("tuning", row["sample"])
+    scanner = SCANNERS[row.scanner]
+    scene = outdoor_scene(simulated, scanner.name, row.scene, 1.0)
+    middle, half = simulated.outdoor["azimuth_deg"], np.rad2deg(2.5 / row.distance_m)
+    rng = simulated.rng("tuning", row.name)
     # All lasers are off by up to ten degrees: the sector is wide enough for each.
     step = scanner.firing_cycle_s * 3600.0 / AZIMUTH_TICK_DEG
     sector = np.arange(middle - half - 12.0, middle + half + 12.0, step * AZIMUTH_TICK_DEG)
@@ -97,38 +100,34 @@ def sample(simulated, row, candidates, config):
     phi, lasers, length, raw, surface = shots(simulated, scanner.name, scene, ticks)
     hit = surface > 0
     phi, lasers, length, raw = phi[hit], lasers[hit], length[hit], raw[hit]
-    drift = truth.drift(simulated, scanner.name, row["sample"]).mean(axis=0)
+    drift = truth.drift(simulated, scanner.name, row.name).mean(axis=0)
     noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
-    noise *= np.hypot(1.0, simulated.outdoor["kinds"][row["kind"]]["fog"]["noise"])
+    noise *= np.hypot(1.0, simulated.outdoor["kinds"][row.kind]["fog"]["noise"])
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
     beams = Beams(raw, phi, lasers, scanner.distance_tick_m)
-    cloud = field.Cloud.from_beams(beams, candidates[outdoor.BEFORE])
-    panels = outdoor.Panels.from_config(
-        row["distance_m"], row["azimuth_deg"], config["panels"], config["fit"]
+    cloud = Cloud.from_beams(beams, candidates[0].parameters)
+    panels = Panels(
+        row.distance_m, np.deg2rad(row.azimuth_deg), section.panels, section.fit.depth_m
     )
-    planes = outdoor.fit_panels(cloud, panels, outdoor.search(config["fit"]), row["sample"])
-    heading = {key: row[key] for key in outdoor.HEADING}
-    return [heading | each for each in outdoor.panel_rows(cloud, planes, candidates)]
+    planes = fit_panels(cloud, panels, PlaneLimits.from_fit(section.fit), row.name)
+    heading = {"kind": row.kind, "scanner": row.scanner, "sample": row.name}
+    return [heading | each for each in panel_rows(cloud, planes, candidates)]
 
 
 def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All samples and the means of a seed; the study's own seed if it is zero."""
-    config = read_yaml(Path("config/config.yaml"))
-    simulated = world.load(read_yaml(Path(config["simulation"]["world"])))
+    chosen = read_study(read_yaml(Path("config/config.yaml")), "config/config.yaml")
+    simulated = world.read(Path(chosen.config.simulation.world))
     simulated = replace(simulated, seed=simulated.seed + seed)
-    positions = dict(pd.read_csv(config["samples"], sep="\t")[["sample", "position"]].to_numpy())
-    rows = pd.read_csv(config["outdoor"]["samples"], sep="\t").to_dict(orient="records")
-    candidates = {
-        name: parameter_sets(simulated, name, config, positions) for name in simulated.scanners
-    }
-    samples, means = outdoor.summarise(
-        [
-            panel
-            for row in rows
-            for panel in sample(simulated, row, candidates[row["scanner"]], config["outdoor"])
-        ]
-    )
-    return pd.DataFrame(samples), pd.DataFrame(means).assign(seed=simulated.seed)
+    candidates = {name: parameter_sets(simulated, name, chosen) for name in simulated.scanners}
+    panels = [
+        panel
+        for row in chosen.outdoor.values()
+        for panel in sample(simulated, row, candidates[row.scanner], chosen.config.outdoor)
+    ]
+    samples, means = summarise(pd.DataFrame(panels))
+    shown = before_and_after(means, ["kind", "scanner"])
+    return before_and_after(samples, ["sample"]), shown.assign(seed=simulated.seed)
 
 
 def main(seeds: int) -> None:

@@ -1,16 +1,14 @@
 """Adjust the parameters of every laser on the medians of one window."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from velocal.adjustment import settings
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Adjustment
 from velocal.survey.station import read_station
 
 
@@ -22,7 +20,7 @@ def main(
     adjustment: Path,
     covariance: Path,
     scanner: str,
-    config: Mapping[str, Any],
+    config: Adjustment,
 ) -> None:
     """Write corrections and quality per laser, and all covariances, as CSV."""
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
@@ -31,9 +29,9 @@ def main(
     results = adjust_all(
         station.observations(columns),
         factory,
-        config["parameters"],
-        settings.solver(config),
-        settings.stochastic(config, [station.uncertainty()]),
+        config.parameters,
+        config.solver(),
+        config.stochastic([station.uncertainty()]),
     )
     found = CalibrationSet.from_adjustments(results, factory)
     storage.write_csv(adjustment, found.to_columns())

@@ -1,14 +1,14 @@
 """Find the surveyed plane that every median lies on."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import Limits, assigned_rows
+from velocal.reduction.assignment import assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import AssignmentLimits
 from velocal.survey.station import read_station
 
 
@@ -19,7 +19,7 @@ def main(
     calibration: Path | None,
     assigned: Path,
     scanner: str,
-    gates: Mapping[str, float],
+    limits: AssignmentLimits,
 ) -> None:
     """Write the medians that lie on a plane as Parquet."""
     known = scanner_named(scanner)
@@ -27,7 +27,7 @@ def main(
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
-    rows = assigned_rows(beams, parameters, patches, Limits.from_config(gates))
+    rows = assigned_rows(beams, parameters, patches, limits.metric())
     storage.write_table(
         assigned,
         schemas.ASSIGNED,

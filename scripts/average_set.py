@@ -1,6 +1,5 @@
 """Average the adjustments of samples and windows to a parameter set, and export it."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -13,6 +12,7 @@ from velocal.calibration.files.document import CalibrationFile
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Export
 
 
 def main(
@@ -29,7 +29,7 @@ def main(
     samples: list[str],
     positions: list[str],
     weights: Literal["equal", "covariance"],
-    export: Mapping[str, str],
+    export: Export,
 ) -> None:
     """Write the set in every format; `samples` and `positions` are those of every adjustment."""
     known = scanner_named(scanner)
@@ -53,7 +53,8 @@ def main(
         provenance={"velocal": __version__, **sources},
     )  # fmt: skip
     others = {
-        k: CalibrationFile(for_program(parameters, d), d, tick_m=tick_m) for k, d in export.items()
+        suffix: CalibrationFile(for_program(parameters, program), program, tick_m=tick_m)
+        for suffix, program in (("yaml", export.yaml), ("xml", export.xml))
     }
     for suffix, path in {"csv": csv, "json": json, "yaml": yaml, "xml": xml}.items():
         formats.write(path, others.get(suffix, found))

@@ -1,20 +1,18 @@
 """Methods of adjustment side by side, on calibration data, another position and the truth."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations
 from velocal.calibration.files import formats
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import lasers as figures
 from velocal.reporting.figures import methods as comparison
+from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Adjustment
 from velocal.survey.station import read_station
 
 
@@ -33,7 +31,7 @@ def main(
     calibrate_on: list[str],
     check_on: list[str],
     scanner: str,
-    adjustment: Mapping[str, Any],
+    adjustment: Adjustment,
     sigma_cm: float,
     simulated: bool,
 ) -> None:
@@ -53,13 +51,13 @@ def main(
     )
     factory = formats.read_or_nominal(calibration, scanner_named(scanner))
     true = formats.read(truth, len(factory)) if truth else None
-    stochastic, sigma_m = settings.stochastic(adjustment), sigma_cm * 1e-2
+    stochastic, sigma_m = adjustment.stochastic(), sigma_cm * 1e-2
     numbers = pd.DataFrame(methods.compare(known, other, factory, stochastic, sigma_m, true))
     storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(md, text)
     figure = comparison.draw(numbers, scanner, simulated=simulated)
-    figures.save(figure, svg, png)
+    save(figure, svg, png)
 
 
 if "snakemake" in globals():

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pandas as pd
 
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.paper import printed as published
-from velocal.paper import statements
+from velocal.paper import agreement as paper
 
 
 def _frame(path: Path) -> pd.DataFrame:
-    return pd.DataFrame(storage.read_csv(path))
+    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "table")))
 
 
 def main(
@@ -24,15 +24,15 @@ def main(
     agreement: Path,
 ) -> None:
     """Write the comparison as CSV; facts are tables with columns `item` and `value`."""
-    shown = pd.concat([_frame(path) for path in tables], ignore_index=True)
-    every = _frame(summary)
-    found = statements.of_tables(published.sources_of(every, shown))
-    found |= statements.of_surveys([storage.read_json(path) for path in surveys])
-    found |= statements.of_accuracy(_frame(accuracy))
+    every = pd.concat([_frame(path) for path in tables], ignore_index=True)
+    shown = paper.statistics_shown(_frame(summary), every)
+    found = paper.said_by_tables(shown)
+    found |= paper.said_by_surveys([storage.read_json(path) for path in surveys])
+    found |= paper.said_by_accuracy(_frame(accuracy))
     for path in facts:
         table = _frame(path)
         found |= dict(zip(table["item"], table["value"].astype(float), strict=True))
-    parts = [published.agreement(every, shown), statements.agreement(found)]
+    parts = [paper.of_cells(shown), paper.of_statements(found)]
     storage.write_csv(agreement, pd.concat(parts, ignore_index=True))
 
 

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
 from velocal.io import storage
 from velocal.io.scripts import run
@@ -20,7 +18,7 @@ from velocal.simulation.coverage import (
     white_only,
 )
 from velocal.simulation.draws import full_draws, geometry, white_draws
-from velocal.study.sheets import read_yaml
+from velocal.study.config import Adjustment
 
 #: Position of each scanner, and the step from one simulated laser to the next.
 POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}
@@ -31,14 +29,14 @@ def main(
     *,
     world_file: Path,
     coverage: Path,
-    adjustment: Mapping[str, Mapping[str, Any]],
+    adjustment: Mapping[str, Adjustment],
     runs: int,
 ) -> None:
     """Write errors, stated standard deviations and coverage by case, scanner and parameter."""
-    simulated, rows = world.load(read_yaml(world_file)), []
+    simulated, rows = world.read(world_file), []
     for scanner in [name for name in POSITIONS if name in adjustment]:
-        names = tuple(adjustment[scanner]["parameters"])
-        config = settings.stochastic(adjustment[scanner])
+        names = adjustment[scanner].parameters
+        config = adjustment[scanner].stochastic()
         white = white_only(config)
         at = geometry(simulated, scanner, POSITIONS[scanner], every=EVERY[scanner])
         # The data of most lasers do not separate v from dl: these are checked without v.

@@ -6,7 +6,8 @@ from typing import Any
 
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures.histogram import draw_histogram, histogram, residuals_of
+from velocal.reporting.style import save
 
 
 def main(
@@ -22,9 +23,9 @@ def main(
     """Write the figure as SVG and PNG and its numbers as CSV; the windows are taken together."""
     names = ["laser_id", "before_m", "after_m"]
     windows = [storage.read_table(path, schemas.RESIDUALS, names)[0] for path in residuals]
-    numbers = figures.histogram(*figures.residuals_of(windows, selection))
-    figure = figures.draw_histogram(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
-    figures.save(figure, svg, png)
+    numbers = histogram(*residuals_of(windows, selection))
+    figure = draw_histogram(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
+    save(figure, svg, png)
     storage.write_csv(csv, numbers)
 
 

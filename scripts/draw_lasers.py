@@ -6,9 +6,11 @@ from typing import Any
 
 import pandas as pd
 
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
+from velocal.reporting.style import save
 
 
 def main(
@@ -23,10 +25,12 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the figure as SVG and PNG and its numbers as CSV."""
-    of_lasers, of_windows = (pd.DataFrame(storage.read_csv(path)) for path in (lasers, summary))
-    numbers = figures.per_laser(of_lasers, of_windows, selection)
-    figure = figures.draw_per_laser(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
-    figures.save(figure, svg, png)
+    of_lasers, of_windows = (
+        pd.DataFrame(storage.read_csv(path, text=KEYS)) for path in (lasers, summary)
+    )
+    numbers = per_laser(of_lasers, of_windows, selection)
+    figure = draw_per_laser(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
+    save(figure, svg, png)
     storage.write_csv(csv, numbers)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 from velocal.evaluation.interior_map import clouds, section, summary_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import interior_map as map_figure
-from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures.interior_map import draw_map, section_table
+from velocal.reporting.style import save
 
 
 def main(
@@ -26,10 +26,10 @@ def main(
     xyz = clouds(columns)
     sections = {name: section(xyz, box, name) for name, box in selection["sections"].items()}
     shown = next(iter(sections.values()))
-    numbers = map_figure.section_table(shown, columns, facts["positions"])
+    numbers = section_table(shown, columns, facts["positions"])
     scanners = dict(zip(facts["positions"], facts["scanners_m"], strict=True))
-    figure = map_figure.draw_map(xyz["refined"], scanners, numbers, selection, simulated=simulated)
-    figures.save(figure, svg, png)
+    figure = draw_map(xyz["refined"], scanners, numbers, selection, simulated=simulated)
+    save(figure, svg, png)
     storage.write_csv(csv, numbers)
     storage.write_csv(summary, summary_table(columns, sections))
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.network import draw_network
+from velocal.reporting.style import save
 
 
 def main(

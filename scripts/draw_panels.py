@@ -4,10 +4,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from velocal.evaluation.candidates import IDENTITY
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.reporting.figures import panels as outdoor_figure
-from velocal.reporting.figures.lasers import save
+from velocal.paper.outdoor import HEADING
+from velocal.reporting.figures.panels import draw, top_cm
+from velocal.reporting.figures.panels import numbers as numbers_of
+from velocal.reporting.style import save
 
 
 def main(
@@ -22,10 +25,10 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the figure as SVG and PNG and its numbers as CSV; all figures have one scale."""
-    samples = pd.DataFrame(storage.read_csv(summary))
-    numbers = outdoor_figure.numbers(samples, kind, scanner)
-    figure = outdoor_figure.draw(
-        numbers, kind, scanner, top_cm=outdoor_figure.top_cm(samples, sigma_cm),
+    samples = pd.DataFrame(storage.read_csv(summary, text=(*HEADING, *IDENTITY)))
+    numbers = numbers_of(samples, kind, scanner)
+    figure = draw(
+        numbers, kind, scanner, top_cm=top_cm(samples, sigma_cm),
         sigma_cm=sigma_cm, simulated=simulated,
     )  # fmt: skip
     save(figure, svg, png)

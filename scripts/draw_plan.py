@@ -9,10 +9,10 @@ import pandas as pd
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import Limits
-from velocal.reporting.figures import lasers as figures
-from velocal.reporting.figures import plan as plan_figure
+from velocal.reporting.figures.plan import View, draw_plan, plan
+from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
+from velocal.study.config import AssignmentLimits
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
@@ -28,7 +28,7 @@ def main(
     csv: Path,
     samples: list[str],
     selection: Mapping[str, Any],
-    gates: Mapping[str, float],
+    limits: AssignmentLimits,
     simulated: bool,
 ) -> None:
     """Write the plan as SVG and PNG and its numbers as CSV; one panel per sample.
@@ -37,17 +37,15 @@ def main(
     """
     scanner = scanner_named(selection["scanner"])
     parameters = read_or_nominal(calibration, scanner)
-    surveyed, limits = read_targets(targets, "plane"), Limits.from_config(gates)
+    surveyed = read_targets(targets, "plane")
     panels = []
     for sample, path, survey in zip(samples, medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
         at, rate = read_station(survey), facts["rotation_rate_hz"]
-        view = plan_figure.View(
-            at.position, sample, scanner, rate, columns, parameters, at.patches, at.pose
-        )
-        panels.append(plan_figure.plan(view, surveyed, limits))
+        view = View(at.position, sample, scanner, rate, columns, parameters, at.patches, at.pose)
+        panels.append(plan(view, surveyed, limits.metric()))
     numbers = pd.concat(panels, ignore_index=True)
-    figures.save(plan_figure.draw_plan(numbers, selection, simulated=simulated), svg, png)
+    save(draw_plan(numbers, selection, simulated=simulated), svg, png)
     storage.write_csv(csv, numbers)
 
 

@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.evaluation import plane_search as field_search
-from velocal.evaluation import planes_in_data as field
+from velocal.evaluation.plane_search import planes_of
+from velocal.evaluation.planes_in_data import Cloud, Search, tabulate
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import field_planes
+from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Box, PlaneSearch
 
 
 def main(
@@ -27,8 +27,8 @@ def main(
     png: Path,
     sample: str,
     scanner: str,
-    patches: Mapping[str, Any] | None,
-    search: Mapping[str, Any],
+    patches: Mapping[str, Box] | None,
+    search: PlaneSearch,
     sigma_cm: float,
 ) -> None:
     """Write planes as JSON, statistics of s per plane and laser as CSV, and a picture."""
@@ -36,10 +36,10 @@ def main(
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
-    cloud = field.Cloud.from_beams(beams, parameters)
-    found, findings = field_search.planes_of(cloud, patches, field.Search.from_config(search))
+    cloud = Cloud.from_beams(beams, parameters)
+    found, findings = planes_of(cloud, patches, Search.from_config(search))
     heading = {"sample": sample, "scanner": scanner}
-    rows, statistics = field.tabulate(found, cloud, columns, heading, sigma_cm * 1e-2)
+    rows, statistics = tabulate(found, cloud, columns, heading, sigma_cm * 1e-2)
     facts |= {**heading, "calibration": calibration.name if calibration else "nominal"}
     facts |= {"medians": len(cloud.xyz), "sigma_cm": sigma_cm}
     storage.write_json(planes, {**facts, "findings": findings, "planes": rows})

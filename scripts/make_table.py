@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper import tables
@@ -22,7 +23,7 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the table as CSV, Markdown and LaTeX."""
-    statistics = pd.DataFrame(storage.read_csv(summary))
+    statistics = pd.DataFrame(storage.read_csv(summary, text=KEYS))
     built = tables.build(table, selection, statistics, simulated=simulated)
     storage.write_csv(csv, tables.formatted(built.frame))
     storage.write_text(md, tables.to_markdown(built))

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from velocal.calibration.files import formats
-from velocal.evaluation import interior_map as mapping
+from velocal.evaluation import interior_map
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
@@ -31,8 +31,8 @@ def main(
     there = read_targets(base_map, "position")
     here = read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner))
     poses = [
-        mapping.scanner_pose(there.of(position, where=str(base_map)), here, where=str(base_map))
-        for position in positions
+        interior_map.scanner_pose(there.of(name, where=str(base_map)), here, where=str(base_map))
+        for name in positions
     ]
     facts = {
         "positions": positions,
@@ -43,10 +43,11 @@ def main(
         for number, (path, pose) in enumerate(zip(recordings, poses, strict=True)):
             inspection = inspect(path)
             check_scanner(inspection, known, str(path))
-            first = mapping.first_complete(inspection.index.complete, str(path))
+            first = interior_map.first_complete(inspection.index.complete, str(path))
             rate = inspection.index.rate_hz(first)
             for returns in returns_of(path, inspection.index, first, known):
-                writer.write(mapping.rows(number, returns.columns(), known, rate, sets, pose))
+                columns = returns.columns()
+                writer.write(interior_map.rows(number, columns, known, rate, sets, pose))
 
 
 if "snakemake" in globals():

@@ -2,18 +2,21 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from velocal.calibration.files import formats
-from velocal.evaluation import panels as outdoor
-from velocal.evaluation.planes_in_data import Cloud
+from velocal.evaluation.candidates import with_sets
+from velocal.evaluation.panels import Panels, fit_panels, panel_rows
+from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.returns import read_short
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Panel, PanelFit
+from velocal.study.samples import OutdoorSample
 
 
 def main(
@@ -23,24 +26,25 @@ def main(
     sets: list[Path],
     ledger: Path,
     panels: Path,
-    sample: Mapping[str, Any],
-    set_names: list[str],
-    boxes: Mapping[str, Any],
-    fit: Mapping[str, float],
+    sample: OutdoorSample,
+    parameter_sets: list[str],
+    boxes: Mapping[str, Panel],
+    fit: PanelFit,
 ) -> None:
-    """Write the ledger as JSON and the standard deviations of s as CSV."""
-    known = scanner_named(sample["scanner"])
+    """Write the ledger as JSON and the root mean squares of s as CSV.
+
+    Sets are the files of `parameter_sets` in order.
+    """
+    known = scanner_named(sample.scanner)
     found, remarks, returns = read_short(recording, known)
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
-    candidates = {outdoor.BEFORE: factory}
-    candidates |= {
-        name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
-    }
-    place = outdoor.Panels.from_config(sample["distance_m"], sample["azimuth_deg"], boxes, fit)
-    planes = outdoor.fit_panels(cloud, place, outdoor.search(fit), f"sample {sample['name']!r}")
-    heading = {key: sample[key] for key in ("kind", "scanner")} | {"sample": sample["name"]}
-    rows = [heading | row for row in outdoor.panel_rows(cloud, planes, candidates)]
+    parameters = [formats.read(path, known.n_lasers) for path in sets]
+    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
+    place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
+    planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
+    heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
+    rows = [heading | row for row in panel_rows(cloud, planes, candidates)]
     storage.write_csv(panels, pd.DataFrame(rows))
     facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}
     storage.write_json(ledger, facts)

@@ -14,12 +14,11 @@ def main(
     returns: Path,
     medians: Path,
     scanner: str,
-    cell_deg: float | None,
+    azimuth_bin_ticks: int,
     min_count: int,
 ) -> None:
-    """Write the medians as Parquet; the width of a bin defaults to the scanner's."""
+    """Write the medians as Parquet."""
     known = scanner_named(scanner)
-    bin_ticks = known.azimuth_bin(cell_deg)
     columns, facts = storage.read_table(
         returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
     )
@@ -28,10 +27,10 @@ def main(
         columns["laser_id"],
         columns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        bin_ticks=bin_ticks,
+        bin_ticks=azimuth_bin_ticks,
         min_count=min_count,
     )
-    facts |= {"cell_ticks": bin_ticks, "min_count": min_count}
+    facts |= {"cell_ticks": azimuth_bin_ticks, "min_count": min_count}
     storage.write_table(medians, schemas.MEDIANS, asdict(reduced), **facts)
 
 

@@ -1,16 +1,14 @@
 """The study in memory with another seed of the simulated world, and fewer rotations."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper import replicate
 from velocal.simulation import world
-from velocal.study.config import read_study
-from velocal.study.sheets import read_yaml
+from velocal.study.config import StudyConfig
+from velocal.study.study import with_samples
 
 
 def main(
@@ -19,12 +17,11 @@ def main(
     agreement: Path,
     seed: int,
     rotations: int,
-    config: Mapping[str, Any],
-    schemas: Path,
+    config: StudyConfig,
 ) -> None:
     """Write every cell of the tables beside the printed one."""
-    simulated = replace(world.load(read_yaml(world_file)), seed=seed)
-    study = read_study(config, schemas, "configuration")
+    simulated = replace(world.read(world_file), seed=seed)
+    study = with_samples(config, "configuration")
     storage.write_csv(agreement, replicate.agreement(simulated, study, rotations))
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
+from velocal.evaluation.candidates import Candidate, Role
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
@@ -31,14 +32,14 @@ def main(
     data = read_station(survey).observations(columns)
     factory = read_or_nominal(calibration, known)
     adjusted = CalibrationSet.from_columns(storage.read_csv(adjustment), factory).adjusted
-    s = {"before": data.misclosure(factory), "after": data.misclosure(adjusted)}
     xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}
     rows |= dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True))
-    rows |= {f"{name}_m": values for name, values in s.items()}
+    rows |= {"before_m": data.misclosure(factory), "after_m": data.misclosure(adjusted)}
     storage.write_table(residuals, schemas.RESIDUALS, rows, **facts)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "calibration"}
-    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_cm * 1e-2)
+    candidates = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, adjusted)]
+    table = statistics_table(heading, candidates, data, sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 
 

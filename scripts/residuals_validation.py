@@ -1,16 +1,16 @@
 """Residuals of single scans with the factory's parameters and with every parameter set."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from velocal.calibration.files import formats
+from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.config import AssignmentLimits, Validation
 from velocal.survey.station import read_station
 
 
@@ -24,27 +24,24 @@ def main(
     sample: str,
     window: str,
     scanner: str,
-    set_names: list[str],
-    gates: Mapping[str, float],
-    validation: Mapping[str, Any],
+    parameter_sets: list[str],
+    limits: AssignmentLimits,
+    validation: Validation,
 ) -> None:
-    """Write the statistics per laser as CSV."""
+    """Write the statistics per laser as CSV; sets are the files of `parameter_sets` in order."""
     known = scanner_named(scanner)
     station = read_station(survey)
-    rotations = validation["rotations"]
+    rotations = validation.rotations
     columns, facts = storage.read_first(returns, schemas.RETURNS, "rotation", rotations, COLUMNS)
     factory = formats.read_or_nominal(calibration, known)
     scan = first_rotations(columns, rotations)
     beams = Beams.from_ticks(scan, known, facts["rotation_rate_hz"])
-    rows = assigned_rows(beams, factory, station.patches, Limits.from_config(gates))
+    rows = assigned_rows(beams, factory, station.patches, limits.metric())
     data = station.observations(rows)
-    candidates = {"before": factory} | {
-        name: formats.read(path, known.n_lasers) for name, path in zip(set_names, sets, strict=True)
-    }
+    parameters = [formats.read(path, known.n_lasers) for path in sets]
+    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
-    s = {name: data.misclosure(parameters) for name, parameters in candidates.items()}
-    sigma_m = validation["sigma_cm"] * 1e-2
-    table = statistics_table(heading, s, data.laser_id, known.n_lasers, sigma_m)
+    table = statistics_table(heading, candidates, data, validation.sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 
 

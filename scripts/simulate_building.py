@@ -5,7 +5,6 @@ from pathlib import Path
 from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import building, capture, world
-from velocal.study.sheets import read_yaml
 from velocal.survey.targets import write_targets
 
 ROTATIONS = 1  # complete ones; a scan is no more
@@ -19,7 +18,7 @@ def main(
     positions: list[str],
 ) -> None:
     """Write the records of every position, one recording each, and the base targets."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     scanner = building.described(simulated)["scanner"]
     for recording, position in zip(recordings, positions, strict=True):
         scene = building.scene(simulated, position)

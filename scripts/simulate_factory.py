@@ -6,7 +6,6 @@ from velocal.calibration.files import formats
 from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.study.sheets import read_yaml
 
 
 def main(
@@ -17,7 +16,7 @@ def main(
     scanner: str,
 ) -> None:
     """Write db.xml of the factory, and the true parameters as CSV."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     formats.write(factory, factory_parameters(simulated, scanner))
     formats.write(truth, unit_truth(simulated, scanner).parameters)
 

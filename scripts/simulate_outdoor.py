@@ -6,7 +6,6 @@ from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
 from velocal.simulation.outdoor import outdoor_scene
-from velocal.study.sheets import read_yaml
 
 
 def main(
@@ -19,7 +18,7 @@ def main(
     rotations: int,
 ) -> None:
     """Write the records that the scanner would have sent."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     duration_s = rotations / simulated.scanner(scanner).rotation_rate_hz
     around = outdoor_scene(simulated, scanner, scene, duration_s)
     write_blocks(recording, capture.records(simulated, scanner, around, sample, rotations))

@@ -5,7 +5,6 @@ from pathlib import Path
 from velocal.io.scripts import run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
-from velocal.study.sheets import read_yaml
 
 
 def main(
@@ -18,7 +17,7 @@ def main(
     rotations: int,
 ) -> None:
     """Write the records that the scanner would have sent."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     simulated.check_position(position, scanner)
     write_blocks(recording, capture.records(simulated, scanner, position, sample, rotations))
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from velocal.io.scripts import run
 from velocal.simulation import world
 from velocal.simulation.survey import field_book
-from velocal.study.sheets import read_yaml
 from velocal.survey.network.field_book import write_field_book
 
 
@@ -19,7 +18,7 @@ def main(
     base_readings: Path,
 ) -> None:
     """Write the observation files of the survey."""
-    simulated = world.load(read_yaml(world_file))
+    simulated = world.read(world_file)
     camera = simulated.survey["camera"]
     paths = {"points": points, "network": network, "images": images}
     paths |= {"base_sights": base_sights, "base_readings": base_readings}

@@ -4,19 +4,21 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.evaluation import panels as outdoor
+from velocal.evaluation.candidates import IDENTITY
 from velocal.io import storage
 from velocal.io.scripts import run
+from velocal.paper.outdoor import HEADING, summarise
+from velocal.paper.outdoor import facts as single_numbers
 
 
 def main(*, panels: list[Path], summary: Path, means: Path, facts: Path) -> None:
     """Write the tables as CSV."""
-    every = pd.concat([pd.read_csv(path) for path in panels], ignore_index=True)
-    rows = [{str(key): value for key, value in row.items()} for row in every.to_dict("records")]
-    each, of_kinds = outdoor.summarise(rows)
-    storage.write_csv(summary, pd.DataFrame(each))
-    storage.write_csv(means, pd.DataFrame(of_kinds))
-    storage.write_csv(facts, pd.DataFrame(outdoor.facts(of_kinds)))
+    text = (*HEADING, *IDENTITY, "panel")
+    tables = [pd.DataFrame(storage.read_csv(path, text=text)) for path in panels]
+    samples, of_kinds = summarise(pd.concat(tables, ignore_index=True))
+    storage.write_csv(summary, samples)
+    storage.write_csv(means, of_kinds)
+    storage.write_csv(facts, pd.DataFrame(single_numbers(of_kinds)))
 
 
 if "snakemake" in globals():

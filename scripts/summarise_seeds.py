@@ -16,7 +16,8 @@ def main(
     seeds: list[int],
 ) -> None:
     """Write the comparison; `seeds` are those of every replica."""
-    storage.write_csv(agreement, spread(dict(zip(seeds, map(pd.read_csv, replicas), strict=True))))
+    cells = [pd.read_csv(path) for path in replicas]
+    storage.write_csv(agreement, spread(dict(zip(seeds, cells, strict=True))))
 
 
 if "snakemake" in globals():

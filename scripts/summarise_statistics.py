@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper.tables import summarised
@@ -16,7 +17,8 @@ def main(
     summary: Path,
 ) -> None:
     """Write one table of all lasers and one of all windows."""
-    every = pd.concat([pd.read_csv(part) for part in statistics], ignore_index=True)
+    tables = [pd.DataFrame(storage.read_csv(part, text=KEYS)) for part in statistics]
+    every = pd.concat(tables, ignore_index=True)
     storage.write_csv(lasers, every)
     storage.write_csv(summary, summarised(every))
 

@@ -1,14 +1,13 @@
 """Fit constants of the simulated world to the printed tables."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper.tuning import tune
-from velocal.study.config import read_study
-from velocal.study.sheets import read_yaml
+from velocal.study.config import StudyConfig
+from velocal.study.study import with_samples
+from velocal.study.world import read_world
 
 
 def main(
@@ -18,12 +17,11 @@ def main(
     seeds: int,
     rotations: int,
     iterations: int,
-    config: Mapping[str, Any],
-    schemas: Path,
+    config: StudyConfig,
 ) -> None:
     """Write what the constants are and what would fit better; the world file is left alone."""
-    study = read_study(config, schemas, "configuration")
-    content, chosen = read_yaml(world_file), range(1, seeds + 1)
+    study = with_samples(config, "configuration")
+    content, chosen = read_world(world_file).plain(), range(1, seeds + 1)
     storage.write_csv(constants, tune(content, study, chosen, rotations, iterations=iterations))
 
 

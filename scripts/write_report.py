@@ -16,7 +16,6 @@ def main(
     summary: Path | None,
     surveys: list[Path],
     sets: list[Path],
-    factories: list[Path],
     pictures: list[Path],
     numbers: list[Path],
     methods_csv: Path | None,
@@ -30,34 +29,39 @@ def main(
     simulated: bool,
     tables: Mapping[str, Any],
     figures: Mapping[str, Any],
-    scanners: list[str],
+    factories: list[Path],
     factory_scanners: list[str],
+    scanners: list[str],
+    samples: list[str],
+    set_scanners: list[str],
+    set_names: list[str],
+    field_samples: list[str],
+    outdoor_figures: list[str],
 ) -> None:
     """Write the report; whatever is missing or empty has no section.
 
-    `figures` are the entries of the configuration, in the order of the files of figures;
-    `factory_scanners` are those of the factory's files. Another of `scanners` has nominal values.
+    Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
+    `numbers` of `figures`, `sets` of `set_scanners` and `set_names`, `factories` of
+    `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
+    `field_samples`, `outdoor_pictures` of `outdoor_figures`.
     """
-    files = {
-        "ledgers": ledgers,
-        "agreement": [agreement] if agreement else [],
-        "summary": [summary] if summary else [],
-        "surveys": surveys,
-        "sets": sets,
-        "figures": [*pictures, *numbers],
-        "methods": [path for path in (methods_csv, methods_png) if path],
-        "field": [*([field_table] if field_table else []), *field_pictures],
-        "outdoor": [*([outdoor] if outdoor else []), *outdoor_pictures],
-    }
-    known = dict(zip(factory_scanners, map(str, factories), strict=True))
-    study = report.read(
-        files,
-        title=title,
-        simulated=simulated,
-        tables=tables,
-        figures=figures,
-        factories={name: known.get(name, "nominal") for name in scanners},
+    drawn = zip(pictures, numbers, strict=True)
+    known = dict(zip(factory_scanners, factories, strict=True))
+    files = report.Files(
+        ledgers=dict(zip(samples, ledgers, strict=True)),
+        figures=dict(zip(figures, drawn, strict=True)),
+        summary=summary,
+        agreement=agreement,
+        surveys=surveys,
+        sets=dict(zip(zip(set_scanners, set_names, strict=True), sets, strict=True)),
+        factories={name: known.get(name) for name in scanners},
+        methods=(methods_png, methods_csv) if methods_png and methods_csv else None,
+        field_table=field_table,
+        field_pictures=dict(zip(field_samples, field_pictures, strict=True)),
+        outdoor=outdoor,
+        outdoor_pictures=dict(zip(outdoor_figures, outdoor_pictures, strict=True)),
     )
+    study = report.read(files, title=title, simulated=simulated, tables=tables, figures=figures)
     storage.write_text(report_html, report.render(study))
 
 

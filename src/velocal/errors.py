@@ -58,7 +58,7 @@ def _rebuild(
 
 
 class ConfigError(VelocalError):
-    """The configuration or one of its sheets is wrong."""
+    """The configuration or one of its sample tables is wrong."""
 
 
 class RecordingError(VelocalError):

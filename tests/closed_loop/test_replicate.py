@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from support.chain import study_world
 
-from velocal.paper import printed as published
-from velocal.paper import replicate, statements, tuning
-from velocal.study.config import read_study
-from velocal.study.sheets import read_yaml
+from velocal.paper import printed, replicate, tuning
+from velocal.paper.agreement import judged
+from velocal.study.model import read_yaml
+from velocal.study.study import read_study
 
 ROOT = Path(__file__).parents[2]
 WORLD = study_world()
@@ -30,9 +30,7 @@ OTHER = {
 def small_study(monkeypatch):
     """Sample sa5 alone."""
     monkeypatch.chdir(ROOT)
-    study = read_study(
-        read_yaml(ROOT / "config/config.yaml"), ROOT / "workflow/schemas", "configuration"
-    )
+    study = read_study(read_yaml(ROOT / "config/config.yaml"), "configuration")
     return replace(study, surveyed={"sa5": study.surveyed["sa5"]})
 
 
@@ -64,8 +62,8 @@ def test_another_seed_is_another_unit(monkeypatch):
 
 
 def replica(value):
-    rows = [published.judged(row.item("std_cm"), row.values["std_cm"], value, 0.3)
-            for row in published.printed_rows()[:2]]  # fmt: skip
+    rows = [judged(row.item("std_cm"), row.values["std_cm"], value, 0.3)
+            for row in printed.printed_rows()[:2]]  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -76,7 +74,7 @@ def test_spread(values, within):
     assert found["mean"] == pytest.approx(sum(values) / 2)
     assert found["std"] == pytest.approx(abs(values[0] - values[1]) / 2**0.5, abs=1e-3)
     assert (found["minimum"], found["maximum"], found["seeds"]) == (*values, 2)
-    assert found["tolerance"] == statements.tolerances_of_mean()[found["item"]] == 0.15
+    assert found["tolerance"] == printed.tolerances_of_mean()[found["item"]] == 0.15
     assert found["within"] == within
 
 

@@ -10,7 +10,6 @@ import pytest
 import yaml
 from support.chain import WORLD, study_world
 
-from velocal.adjustment import settings
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
 from velocal.simulation.coverage import (
     cramer_rao,
@@ -21,9 +20,10 @@ from velocal.simulation.coverage import (
     white_only,
 )
 from velocal.simulation.draws import full_draws, geometry, white_draws
+from velocal.study.config import Adjustments
 
 CONFIG = yaml.safe_load((WORLD.parent / "config.yaml").read_text())["adjustment"]
-MODEL = settings.stochastic(CONFIG)
+MODEL = Adjustments.model_validate(CONFIG).stochastic()
 NAMES = ("dl", "alpha", "v")
 STATIONS = {"HDL-64E": "P2", "HDL-32E": "P5"}
 

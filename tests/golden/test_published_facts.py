@@ -13,7 +13,7 @@ def test_packaged_copy_equals_the_printed_tables(shared):
     original = shared / "paper" / "tables.csv"
     if not original.is_file():
         pytest.skip(f"no {original}")
-    with original.open() as printed, published.PRINTED.open() as packaged:
+    with original.open() as printed, published.TABLES.open() as packaged:
         assert list(csv.reader(packaged)) == list(csv.reader(printed))
 
 

@@ -3,14 +3,17 @@
 import numpy as np
 import pandas as pd
 
-from velocal.evaluation.statistics import statistics_table, summary_row
-from velocal.study.config import WINDOWS
+from velocal.evaluation.candidates import Role
+from velocal.evaluation.statistics import statistics_columns, summary_row
+from velocal.study.samples import WINDOWS
 
 SAMPLES = {"HDL-64E": ("sa1", "sa2", "sa3", "sa4"), "HDL-32E": ("sa5", "sa6")}
 SETS = {"HDL-64E": ("set1", "set2", "set3"), "HDL-32E": ("set1",)}
 N_LASERS = {"HDL-64E": 64, "HDL-32E": 32}
 #: Standard deviation of s in cm; set2 is the best of the HDL-64E.
-STD_CM = {"before": 3.5, "after": 1.2, "set1": 2.2, "set2": 1.9, "set3": 2.0}
+STD_CM = {"set1": 2.2, "set2": 1.9, "set3": 2.0}
+#: The same of the factory's calibration and of the adjustment of the window itself.
+STD_CM_OF_ROLE = {Role.FACTORY: 3.5, Role.WINDOW: 1.2}
 
 TABLES = {
     "2": {"scanner": "HDL-64E", "samples": ["sa3", "sa4"], "data": "calibration"},
@@ -25,18 +28,20 @@ def statistics() -> tuple[pd.DataFrame, pd.DataFrame]:
     random = np.random.default_rng(5)
     parts, rows = [], []
     for scanner, samples in SAMPLES.items():
-        calibrations = {"calibration": ("before", "after")}
-        calibrations["validation"] = ("before", *SETS[scanner])
-        for data, names in calibrations.items():
+        factory, window = ((role, "", std) for role, std in STD_CM_OF_ROLE.items())
+        sets = [(Role.SET, name, STD_CM[name]) for name in SETS[scanner]]
+        calibrations = {"calibration": [factory, window], "validation": [factory, *sets]}
+        for data, candidates in calibrations.items():
             for sample in samples:
                 for window in WINDOWS:
                     heading = {"scanner": scanner, "sample": sample, "window": window, "data": data}
                     lasers = _lasers(random, N_LASERS[scanner])
-                    for name in names:
-                        s = {name: random.normal(0.0, STD_CM[name] * 1e-2, len(lasers))}
-                        table = statistics_table(heading, s, lasers, N_LASERS[scanner], 0.02)
+                    for role, name, std_cm in candidates:
+                        own = heading | {"role": role.value, "parameter_set": name}
+                        s = random.normal(0.0, std_cm * 1e-2, len(lasers))
+                        table = statistics_columns(own, s, lasers, N_LASERS[scanner], 0.02)
                         parts.append(pd.DataFrame(table))
-                        rows.append({**heading, "calibration": name, **summary_row(table)})
+                        rows.append({**own, **summary_row(table)})
     return pd.concat(parts, ignore_index=True), pd.DataFrame(rows)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from velocal.adjustment import settings
 from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, joined
 from velocal.adjustment.linear import System
 from velocal.adjustment.result import CalibrationSet
@@ -14,6 +13,8 @@ from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError, VelocalError
 from velocal.paper.residual_form import PaperLiteral
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
+from velocal.study.config import Adjustment
+from velocal.study.model import validated
 
 RNG = np.random.default_rng(1)
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "voff": 0.01, "hoff": 0.01}
@@ -197,10 +198,11 @@ def test_a_table_that_does_not_belong_is_refused(fault, message):
 
 def test_settings():
     config = {"method": "paper", "truncate_at": None, "noise_cm": 2, "prior": {"v_deg": 90}}
-    assert settings.solver(config) == PaperModel(truncate_at=None)
-    assert settings.stochastic(config) == Stochastic(noise_std_m=0.02, prior_std={"v": np.pi / 2})
-    with pytest.raises(ConfigError, match="allowed: prior, paper"):
-        settings.solver({"method": "magic"})
+    chosen = validated(Adjustment, config | {"parameters": ["v"]}, "config")
+    assert chosen.solver() == PaperModel(truncate_at=None)
+    assert chosen.stochastic() == Stochastic(noise_std_m=0.02, prior_std={"v": np.pi / 2})
+    with pytest.raises(ConfigError, match=r"method: 'magic' \(allowed: prior, paper"):
+        validated(Adjustment, config | {"parameters": ["v"], "method": "magic"}, "config")
 
 
 def test_a_parameter_without_a_prior_is_named():

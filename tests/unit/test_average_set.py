@@ -10,6 +10,7 @@ from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.io import storage
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import Export
 
 
 def quality(n):
@@ -55,7 +56,7 @@ def test_windows_belong_to_the_samples_that_are_named(tmp_path):
         adjustments=paths, covariances=[path.with_suffix(".covariance.csv") for path in paths],
         calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
         scanner="HDL-64E", weights="equal", samples=samples, positions=["P2", "P1", "P2", "P1"],
-        export={},
+        export=Export(),
     )  # fmt: skip
     found = formats.read(files["csv"], 64)
     np.testing.assert_allclose(found.dl, unit().dl + (0.01 + 0.05) / 2, atol=1e-15)
@@ -72,7 +73,8 @@ def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     average_set.main(
         adjustments=[adjustment], covariances=[tmp_path / "sa3" / "middle.covariance.csv"],
         calibration=tmp_path / "factory.xml", **files, scatter=tmp_path / "scatter.csv",
-        scanner="HDL-64E", weights="equal", samples=["sa3"], positions=["P2"], export=export,
+        scanner="HDL-64E", weights="equal", samples=["sa3"], positions=["P2"],
+        export=Export(**export),
     )  # fmt: skip
     parameters = formats.read(files["csv"], 64)
     np.testing.assert_allclose(parameters.dl, unit().dl + np.linspace(-0.01, 0.01, 64), atol=1e-15)
@@ -133,7 +135,7 @@ def averaged(folder, corrections):
     average_set.main(
         adjustments=[path for path, _ in pairs], covariances=[path for _, path in pairs],
         calibration=folder / "factory.xml", **files, scatter=folder / "scatter.csv",
-        scanner="HDL-64E", weights="equal", export={"yaml": "ros", "xml": "veloview"},
+        scanner="HDL-64E", weights="equal", export=Export(),
         samples=[path.parent.name for path, _ in pairs], positions=["P2"] * len(pairs),
     )  # fmt: skip
     return formats.read(files["csv"], 64).dl - unit().dl

@@ -10,7 +10,8 @@ from support.building import CONTENT, ROOM, WORLD
 from velocal.errors import ConfigError
 from velocal.simulation import building, capture
 from velocal.simulation.scene import cast
-from velocal.study.sheets import check, read_yaml
+from velocal.study.model import validated
+from velocal.study.world import WorldFile
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = replace(WORLD, building=ROOM)
@@ -95,7 +96,6 @@ def test_errors_name_what_there_is():
 
 
 def test_schema_knows_the_building():
-    schema = read_yaml(ROOT / "workflow/schemas/world.schema.yaml")
-    check({**CONTENT, "building": ROOM}, schema, "world")
-    with pytest.raises(ConfigError, match="floors"):
-        check({**CONTENT, "building": {**ROOM, "floors": 2}}, schema, "world")
+    validated(WorldFile, {**CONTENT, "building": ROOM}, "world")
+    with pytest.raises(ConfigError, match=r"unknown key 'building\.floors'"):
+        validated(WorldFile, {**CONTENT, "building": {**ROOM, "floors": 2}}, "world")

@@ -8,32 +8,32 @@ import pandas as pd
 import pytest
 
 from velocal.errors import SurveyError
-from velocal.evaluation import plane_search as field_search
-from velocal.evaluation import planes_in_data as field
+from velocal.evaluation import plane_search, planes_in_data
 from velocal.io import schemas, storage
-from velocal.reporting.figures.lasers import save
 from velocal.reporting.figures.unsurveyed import TABLE, field_markdown, field_planes
+from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
+from velocal.study.config import Box, PlaneSearch
 
 SCANNER = scanner_named("HDL-32E")
-SEARCH = field.Search(
+SEARCH = planes_in_data.Search(
     planes=3, distance_m=0.06, extent_m=6.0, min_points=200, incidence_rad=1.2, seed=1
 )
 WALL, SIDE, FLOOR = ([0.0, 1.0, 0.0], 5.0), ([1.0, 0.0, 0.0], 6.0), ([0.0, 0.0, -1.0], 1.5)
 ROOM = [WALL, SIDE, ([-1.0, 0.0, 0.0], 4.0), ([0.0, -1.0, 0.0], 7.0), FLOOR]
 
 
-def cloud_of(distance_m, phi, laser_id, parameters) -> field.Cloud:
+def cloud_of(distance_m, phi, laser_id, parameters) -> planes_in_data.Cloud:
     """Returns of the scanner with their points."""
     beams = Beams(distance_m, phi, laser_id, SCANNER.distance_tick_m)
-    return field.Cloud.from_beams(beams, parameters)
+    return planes_in_data.Cloud.from_beams(beams, parameters)
 
 
 def scan(
     planes=ROOM, *, noise_m=0.003, offsets=None, parameters=None, step_deg=0.4, seed=0
-) -> field.Cloud:
+) -> planes_in_data.Cloud:
     """What the scanner sees of planes, each given by its outward normal and distance."""
     rng = np.random.default_rng(seed)
     parameters = parameters or nominal(SCANNER)
@@ -51,14 +51,14 @@ def scan(
     return cloud_of(distance[hit], phi[hit], laser_id[hit], parameters)
 
 
-def hedge(n=6000, seed=0) -> field.Cloud:
+def hedge(n=6000, seed=0) -> planes_in_data.Cloud:
     """Returns from all depths of a thick hedge."""
     rng = np.random.default_rng(seed)
     laser_id = rng.integers(0, 32, n)
     return cloud_of(rng.uniform(4.0, 6.0, n), rng.uniform(0.0, 1.5, n), laser_id, nominal(SCANNER))
 
 
-def together(*clouds: field.Cloud) -> field.Cloud:
+def together(*clouds: planes_in_data.Cloud) -> planes_in_data.Cloud:
     columns = (np.concatenate([getattr(c, name) for c in clouds]) for name in
                ("distance_m", "phi", "laser_id"))  # fmt: skip
     return cloud_of(*columns, nominal(SCANNER))
@@ -67,13 +67,13 @@ def together(*clouds: field.Cloud) -> field.Cloud:
 def test_patch_points():
     xyz = np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2], [1, 1, 9]])
     box = {"x_m": [1.0, 3.0], "y_m": [3.0, 0.5], "z_m": [0.0, 2.0]}
-    np.testing.assert_array_equal(field.patch_points(xyz, box), [1, 2])
-    assert len(field.patch_points(xyz, {**box, "x_m": [5.0, 6.0]})) == 0
+    np.testing.assert_array_equal(planes_in_data.patch_points(xyz, Box(**box)), [1, 2])
+    assert len(planes_in_data.patch_points(xyz, Box(**{**box, "x_m": [5.0, 6.0]}))) == 0
 
 
 def test_planes_of_a_room():
     cloud = scan()
-    planes, findings = field_search.find_planes(cloud, SEARCH)
+    planes, findings = plane_search.find_planes(cloud, SEARCH)
     assert findings == []
     assert [plane.name for plane in planes] == ["plane1", "plane2", "plane3"]
     for plane in planes:
@@ -94,12 +94,12 @@ def test_planes_of_a_room():
 
 
 def test_a_plane_is_no_slice():
-    alone, findings = field_search.find_planes(hedge(), SEARCH)
+    alone, findings = plane_search.find_planes(hedge(), SEARCH)
     assert alone == []
     assert len(findings) == 1
     assert findings[0].startswith("no plane found: among 6000 points")
     both = together(scan([WALL]), hedge())
-    planes, findings = field_search.find_planes(both, SEARCH)
+    planes, findings = plane_search.find_planes(both, SEARCH)
     assert findings == []
     for plane in planes:
         assert abs(plane.fit.plane.normal @ WALL[0]) > np.cos(np.deg2rad(1.0))
@@ -112,14 +112,14 @@ def test_a_plane_does_not_span_a_gap():
     split = cloud_of(
         cloud.distance_m[apart], cloud.phi[apart], cloud.laser_id[apart], cloud.parameters
     )
-    planes, _ = field_search.find_planes(split, SEARCH)
+    planes, _ = plane_search.find_planes(split, SEARCH)
     assert len(planes) >= 2
     for plane in planes:
         assert len(np.unique(np.sign(split.xyz[plane.rows, 0]))) == 1
 
 
 def test_a_plane_across_north_is_one():
-    planes, _ = field_search.find_planes(scan([WALL]), SEARCH)
+    planes, _ = plane_search.find_planes(scan([WALL]), SEARCH)
     x = scan([WALL]).xyz[planes[0].rows, 0]
     assert x.min() < -1.0
     assert x.max() > 1.0
@@ -129,13 +129,13 @@ def test_a_plane_across_north_is_one():
 def test_few_points_are_a_finding(n):
     cloud = scan([WALL])
     few = cloud_of(cloud.distance_m[:n], cloud.phi[:n], cloud.laser_id[:n], cloud.parameters)
-    planes, findings = field_search.find_planes(few, SEARCH)
+    planes, findings = plane_search.find_planes(few, SEARCH)
     assert planes == []
     assert f"among {n} points" in findings[0]
 
 
 def test_search_is_deterministic():
-    first, second = (field_search.find_planes(scan(), SEARCH)[0] for _ in range(2))
+    first, second = (plane_search.find_planes(scan(), SEARCH)[0] for _ in range(2))
     assert len(first) == len(second)
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.rows, other.rows)
@@ -146,7 +146,7 @@ def test_search_is_deterministic():
 def test_residuals_are_along_the_beam():
     """Behind the plane is positive, and longer than the orthogonal distance by 1 / cos(i)."""
     cloud = scan([WALL], noise_m=0.0)
-    plane = field.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH).fit.plane
+    plane = planes_in_data.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH).fit.plane
     further = cloud_of(cloud.distance_m + 0.05, cloud.phi, cloud.laser_id, cloud.parameters)
     rows = np.arange(0, len(cloud.phi), 7)
     np.testing.assert_allclose(further.s(rows, plane), 0.05, atol=1e-6)
@@ -165,7 +165,7 @@ def test_outliers_are_trimmed_and_counted():
     distance = cloud.distance_m.copy()
     distance[bad] += rng.choice([-1.0, 1.0], 60) * rng.uniform(0.1, 2.0, 60)
     cloud = cloud_of(distance, cloud.phi, cloud.laser_id, cloud.parameters)
-    plane = field.fit_robustly("wall", cloud, steep, SEARCH)
+    plane = planes_in_data.fit_robustly("wall", cloud, steep, SEARCH)
     assert not np.intersect1d(plane.rows, bad).size
     # 0.27 % of normal noise lies beyond three sigmas, somewhat more beyond an estimate of them.
     assert 60 <= plane.trimmed <= 60 + 0.012 * len(steep)
@@ -176,24 +176,24 @@ def test_outliers_are_trimmed_and_counted():
 
 def test_grazing_returns_are_left_out_but_not_called_outliers():
     cloud = scan([WALL])
-    plane = field.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH)
+    plane = planes_in_data.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH)
     assert len(plane.rows) + plane.trimmed < len(cloud.phi)
     assert cloud.incidence(plane.rows, plane.fit.plane).max() <= SEARCH.incidence_rad + 1e-3
     assert plane.trimmed < 0.012 * len(plane.rows)
 
 
 def test_offsets_of_lasers_are_not_trimmed():
-    """They are what is looked for: std_cm holds them, mean_std_cm does not."""
+    """They are what is looked for: rms_cm holds them, std_cm does not."""
     rng = np.random.default_rng(2)
     offsets = rng.normal(0.0, 0.08, 32)
     cloud = scan([WALL], offsets=offsets)
-    rows = field.patch_points(cloud.xyz, {"x_m": [-3, 3], "y_m": [4, 6], "z_m": [-2, 2]})
-    plane = field.fit_robustly("wall", cloud, rows, SEARCH)
+    rows = planes_in_data.patch_points(cloud.xyz, Box(x_m=(-3, 3), y_m=(4, 6), z_m=(-2, 2)))
+    plane = planes_in_data.fit_robustly("wall", cloud, rows, SEARCH)
     assert plane.trimmed < 0.015 * len(rows)
     medians = {"count": np.full(len(cloud.phi), 9), "spread": np.full(len(cloud.phi), 2.0)}
-    (row,), lasers = field.tabulate([plane], cloud, medians, {"sample": "a"}, 0.02)
-    assert row["std_cm"] > 4.0
-    assert 0.28 < row["mean_std_cm"] < 0.4
+    (row,), lasers = planes_in_data.tabulate([plane], cloud, medians, {"sample": "a"}, 0.02)
+    assert row["rms_cm"] > 4.0
+    assert 0.28 < row["std_cm"] < 0.4
     assert row["spread_cm"] == pytest.approx(0.4)
     seen = offsets[lasers["laser_id"]]
     difference = lasers["mean_cm"] - seen * 100
@@ -203,9 +203,9 @@ def test_offsets_of_lasers_are_not_trimmed():
 
 def test_spread_needs_enough_returns():
     cloud = scan([WALL])
-    plane = field.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH)
+    plane = planes_in_data.fit_robustly("wall", cloud, np.arange(len(cloud.phi)), SEARCH)
     medians = {"count": np.full(len(cloud.phi), 4), "spread": np.full(len(cloud.phi), 2.0)}
-    (row,), _ = field.tabulate([plane], cloud, medians, {}, 0.02)
+    (row,), _ = planes_in_data.tabulate([plane], cloud, medians, {}, 0.02)
     assert np.isnan(row["spread_cm"])
 
 
@@ -216,26 +216,27 @@ def test_patches():
         "air": {"x_m": [1, 2], "y_m": [1, 2], "z_m": [0, 1]},
         "crumb": {"x_m": [0, 0.1], "y_m": [4.5, 5.5], "z_m": [-1, 1]},
     }
-    planes, findings = field_search.planes_of(cloud, patches, SEARCH)
+    boxes = {name: Box(**box) for name, box in patches.items()}
+    planes, findings = plane_search.planes_of(cloud, boxes, SEARCH)
     assert [plane.name for plane in planes] == ["wall"]
     assert planes[0].fit.plane.offset == pytest.approx(-5.0, abs=1e-3)
     assert findings[0].startswith("air: 0 points of 0 lasers")
     assert findings[1].startswith("crumb: ")
     assert "allowed: 200 points of 4 lasers" in findings[0]
-    assert len(field_search.planes_of(cloud, None, SEARCH)[0]) == 3
+    assert len(plane_search.planes_of(cloud, None, SEARCH)[0]) == 3
 
 
 def test_three_lasers_fix_no_plane():
     cloud = scan([WALL], step_deg=0.1)
     rows = np.flatnonzero(np.isin(cloud.laser_id, [10, 12, 14]))
     with pytest.raises(SurveyError, match="of 3 lasers"):
-        field.fit_robustly("wall", cloud, rows, SEARCH)
+        planes_in_data.fit_robustly("wall", cloud, rows, SEARCH)
 
 
 def test_search_from_config():
-    search = field.Search.from_config(
-        {"planes": 3, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-         "incidence_deg": np.rad2deg(1.2), "seed": 1}
+    search = planes_in_data.Search.from_config(
+        PlaneSearch(planes=3, distance_cm=6, extent_m=6, min_points=200,
+                    incidence_deg=np.rad2deg(1.2), seed=1)
     )  # fmt: skip
     assert search.distance_m == pytest.approx(SEARCH.distance_m)
     assert search.incidence_rad == pytest.approx(SEARCH.incidence_rad)
@@ -248,7 +249,8 @@ def test_one_tick_of_the_scanner_is_no_outlier(tick_m, outliers):
     distance = cloud.distance_m + np.where(np.arange(len(cloud)) % 10, 0.0, 0.004)
     beams = Beams(distance, cloud.phi, cloud.laser_id, tick_m)
     every = np.arange(len(cloud))
-    plane = field.fit_robustly("w", field.Cloud.from_beams(beams, cloud.parameters), every, SEARCH)
+    seen = planes_in_data.Cloud.from_beams(beams, cloud.parameters)
+    plane = planes_in_data.fit_robustly("w", seen, every, SEARCH)
     assert (plane.trimmed > 0) == outliers
 
 
@@ -259,7 +261,8 @@ def test_medians_become_points():
         "azimuth": np.array([9000, 9000], dtype=np.float32),
         "distance": np.array([5000, 5000], dtype=np.float32),
     }
-    cloud = field.Cloud.from_beams(Beams.from_ticks(medians, SCANNER, 10.0), nominal(SCANNER))
+    beams = Beams.from_ticks(medians, SCANNER, 10.0)
+    cloud = planes_in_data.Cloud.from_beams(beams, nominal(SCANNER))
     np.testing.assert_allclose(cloud.distance_m, 10.0)
     np.testing.assert_allclose(
         cloud.phi, np.deg2rad([90.0, 90.0 + 3600 * 31 * 1.152e-6]), rtol=1e-9
@@ -269,7 +272,7 @@ def test_medians_become_points():
     )
 
 
-def medians_of(cloud: field.Cloud) -> dict[str, np.ndarray]:
+def medians_of(cloud: planes_in_data.Cloud) -> dict[str, np.ndarray]:
     return {
         "laser_id": cloud.laser_id,
         "azimuth": np.rad2deg(cloud.phi) * 100,
@@ -279,14 +282,14 @@ def medians_of(cloud: field.Cloud) -> dict[str, np.ndarray]:
     }
 
 
-def fit(folder: Path, root: Path, cloud: field.Cloud, **changed) -> dict[str, Path]:
+def fit(folder: Path, root: Path, cloud: planes_in_data.Cloud, **changed) -> dict[str, Path]:
     main = runpy.run_path(str(root / "scripts/fit_field_planes.py"))["main"]
     path = folder / "medians.parquet"
     storage.write_table(path, schemas.MEDIANS, medians_of(cloud), rotation_rate_hz=10.0)
     outputs = {name: folder / f"planes.{name}" for name in ("svg", "png")}
     outputs |= {"planes": folder / "planes.json", "lasers": folder / "lasers.csv"}
-    search = {"planes": 2, "distance_cm": 6, "extent_m": 6, "min_points": 200,
-              "incidence_deg": 70, "seed": 1}  # fmt: skip
+    search = PlaneSearch(planes=2, distance_cm=6, extent_m=6, min_points=200,
+              incidence_deg=70, seed=1)  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
                  "sigma_cm": 2.0, **changed}  # fmt: skip
     main(medians=path, calibration=None, **outputs, **arguments)

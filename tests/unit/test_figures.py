@@ -10,7 +10,7 @@ from support.results import statistics
 
 from velocal.errors import ConfigError, VelocalError
 from velocal.io import schemas, storage
-from velocal.reporting.figures import lasers as figures
+from velocal.reporting.figures import histogram, per_laser
 
 LASERS, SUMMARY = statistics()
 
@@ -20,7 +20,7 @@ def selection(kind="std", data="validation", scanner="HDL-64E", samples=("sa1", 
 
 
 def numbers(**changes):
-    return figures.per_laser(LASERS, SUMMARY, selection(**changes))
+    return per_laser.per_laser(LASERS, SUMMARY, selection(**changes))
 
 
 def test_lasers_are_counted_from_one():
@@ -31,24 +31,32 @@ def test_lasers_are_counted_from_one():
 
 
 @pytest.mark.parametrize(
-    ("data", "scanner", "samples", "parameters"),
+    ("data", "scanner", "samples", "after", "name"),
     [
-        ("validation", "HDL-64E", ("sa1", "sa2"), "set2"),
-        ("validation", "HDL-32E", ("sa5",), "set1"),
-        ("calibration", "HDL-64E", ("sa3",), "adjusted"),
+        ("validation", "HDL-64E", ("sa1", "sa2"), ("set", "set2"), "set2"),
+        ("validation", "HDL-32E", ("sa5",), ("set", "set1"), "set1"),
+        ("calibration", "HDL-64E", ("sa3",), ("window", ""), "adjusted"),
     ],
 )
-def test_what_after_stands_for(data, scanner, samples, parameters):
+def test_what_after_stands_for(data, scanner, samples, after, name):
     found = numbers(data=data, scanner=scanner, samples=samples)
-    assert dict(zip(found["calibration"], found["parameters"], strict=True)) == {
-        "before": "factory",
-        "after": parameters,
-    }
+    rows = found[["calibration", "role", "parameter_set"]].drop_duplicates().to_numpy().tolist()
+    assert rows == [["before", "factory", ""], ["after", *after]]
+    assert per_laser.name_after(found) == name
+
+
+def test_a_set_named_after_is_that_set():
+    lasers, summary = (
+        table.replace({"parameter_set": {"set2": "after"}}) for table in (LASERS, SUMMARY)
+    )
+    found = per_laser.per_laser(lasers, summary, selection())
+    assert found.drop(columns="parameter_set").equals(numbers().drop(columns="parameter_set"))
+    assert per_laser.name_after(found) == "after"
 
 
 def test_windows_are_weighted_by_their_residuals():
     rows = LASERS.query(
-        "sample in ['sa1', 'sa2'] and data == 'validation' and calibration == 'set2' "
+        "sample in ['sa1', 'sa2'] and data == 'validation' and parameter_set == 'set2' "
         "and laser_id == 11"
     )
     assert rows["count"].nunique() > 1
@@ -56,21 +64,21 @@ def test_windows_are_weighted_by_their_residuals():
     assert found["count"] == rows["count"].sum()
     for name in ("within_1sigma_pct", "within_3sigma_pct"):
         np.testing.assert_allclose(found[name], np.average(rows[name], weights=rows["count"]))
-    std = numbers().query("calibration == 'after' and laser == 12")["std_cm"].iloc[0]
+    std = numbers().query("calibration == 'after' and laser == 12")["rms_cm"].iloc[0]
     mean_square = np.average(rows["rms_cm"] ** 2, weights=rows["count"])
     np.testing.assert_allclose(std, np.sqrt(mean_square))
 
 
 def test_a_laser_without_residuals_is_named_and_not_drawn():
     found = numbers()
-    assert found.query("laser == 7")["std_cm"].isna().all()
-    figure = figures.draw_per_laser(found, selection(), sigma_cm=2.0, simulated=False)
+    assert found.query("laser == 7")["rms_cm"].isna().all()
+    figure = per_laser.draw_per_laser(found, selection(), sigma_cm=2.0, simulated=False)
     assert figure.axes[-1].get_xlabel() == "laser (no residuals: 7)"
 
 
 @pytest.mark.parametrize(("kind", "panels"), [("std", 1), ("within_3sigma", 1), ("within", 2)])
 def test_panels_share_a_scale_before_and_after(kind, panels):
-    figure = figures.draw_per_laser(
+    figure = per_laser.draw_per_laser(
         numbers(kind=kind), selection(kind=kind), sigma_cm=2.0, simulated=False
     )
     assert len(figure.axes) == panels
@@ -86,7 +94,7 @@ def test_panels_share_a_scale_before_and_after(kind, panels):
 
 
 def test_datasheet_line():
-    figure = figures.draw_per_laser(numbers(), selection(), sigma_cm=2.5, simulated=False)
+    figure = per_laser.draw_per_laser(numbers(), selection(), sigma_cm=2.5, simulated=False)
     dashed = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[0] for line in dashed] == [2.5]
 
@@ -97,13 +105,11 @@ def texts(figure):
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_only_simulated_studies_say_so(simulated):
-    histogram = figures.histogram(np.array([0.01, -0.02]), np.array([0.0, 0.001]))
+    counts = histogram.histogram(np.array([0.01, -0.02]), np.array([0.0, 0.001]))
     options = {"sigma_cm": 2.0, "simulated": simulated}
     for figure in (
-        figures.draw_per_laser(numbers(), selection(), **options),
-        figures.draw_histogram(
-            histogram, selection("histogram", "calibration", laser=1), **options
-        ),
+        per_laser.draw_per_laser(numbers(), selection(), **options),
+        histogram.draw_histogram(counts, selection("histogram", "calibration", laser=1), **options),
     ):
         assert ("simulated recordings" in texts(figure)) == simulated
 
@@ -116,7 +122,7 @@ def test_missing_sample_is_named():
 def test_histogram_counts_every_residual_once():
     random = np.random.default_rng(1)
     before, after = random.normal(0.05, 0.02, 5000), random.normal(0.0, 0.01, 5000)
-    found = figures.histogram(before, after)
+    found = histogram.histogram(before, after)
     assert found["before"].sum() == found["after"].sum() == 5000
     inner = found.iloc[1:-1]
     for name, s in (("before", before), ("after", after)):
@@ -131,13 +137,13 @@ def test_histogram_counts_every_residual_once():
 
 
 def test_histogram_without_any_spread():
-    found = figures.histogram(np.zeros(5), np.zeros(5))
+    found = histogram.histogram(np.zeros(5), np.zeros(5))
     assert found["before"].sum() == 5
 
 
 def test_histogram_panels_share_axes():
-    found = figures.histogram(np.linspace(-0.1, 0.1, 50), np.linspace(-0.01, 0.01, 50))
-    figure = figures.draw_histogram(
+    found = histogram.histogram(np.linspace(-0.1, 0.1, 50), np.linspace(-0.01, 0.01, 50))
+    figure = histogram.draw_histogram(
         found, selection("histogram", "calibration", laser=3), sigma_cm=2.0, simulated=False
     )
     left, right = figure.axes
@@ -152,17 +158,17 @@ def test_residuals_of_one_laser():
         "after_m": np.array([5.0, 6.0, 7.0, 8.0], np.float32),
     }
     chosen = selection("histogram", "calibration", laser=10)
-    before, after = figures.residuals_of([table, table], chosen)
+    before, after = histogram.residuals_of([table, table], chosen)
     assert before.tolist() == [2, 3, 2, 3]
     assert after.tolist() == [6, 7, 6, 7]
 
 
 def test_histogram_errors():
     with pytest.raises(VelocalError, match="no residuals"):
-        figures.histogram(np.zeros(0), np.zeros(0))
+        histogram.histogram(np.zeros(0), np.zeros(0))
     for wrong in (selection("histogram", "calibration"), selection("histogram", laser=1)):
         with pytest.raises(ConfigError, match="histogram of"):
-            figures.residuals_of([], wrong)
+            histogram.residuals_of([], wrong)
 
 
 def draw(tmp_path, name, chosen):

@@ -13,7 +13,7 @@ from support.building import ROOM, WORLD, stated
 
 from velocal.calibration.files import formats
 from velocal.errors import VelocalError
-from velocal.evaluation import interior_map as mapping
+from velocal.evaluation import interior_map
 from velocal.geometry.rigid import RigidTransformation
 from velocal.io import schemas, storage
 from velocal.reporting import captions
@@ -23,7 +23,7 @@ from velocal.scanner.parameters import nominal
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.study.sheets import read_yaml
+from velocal.study.model import read_yaml
 from velocal.survey.targets import Targets, write_targets
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,7 +52,7 @@ def test_thickness_is_that_about_the_walls_own_line():
     xyz["refined"] = xyz["factory"].copy()
     turned = 2.1 - 0.02 * xyz["refined"][:, 0]
     xyz["refined"][:, 1] = turned + rng.normal(0.0, 0.01, len(turned))
-    part = mapping.section(xyz, BOX, "wall")
+    part = interior_map.section(xyz, BOX, "wall")
     np.testing.assert_allclose(part.thickness("factory"), 0.03, rtol=0.05)
     np.testing.assert_allclose(part.thickness("refined"), 0.01, rtol=0.05)
     chosen = xyz["factory"][part.rows]
@@ -72,7 +72,7 @@ def test_ranges_are_counted_in_the_ticks_of_the_scanner(name):
     }
     flat = replace(nominal(scanner), voff=np.zeros(scanner.n_lasers))
     pose = RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6)))
-    found = mapping.rows(0, returns, scanner, 10.0, [flat, flat], pose)
+    found = interior_map.rows(0, returns, scanner, 10.0, [flat, flat], pose)
     length = np.linalg.norm([found[f"{axis}_factory_m"] for axis in "xyz"], axis=0)
     expected = np.hypot(returns["distance"][[0, 2, 3]] * scanner.distance_tick_m,
                         flat.hoff[[0, 2, 3]])  # fmt: skip
@@ -94,7 +94,7 @@ def test_the_pose_weights_each_frame_with_its_own_covariance():
     std[0, 0] = 0.1
     in_map = Targets(name, ("A",) * 4, there, std)
     in_scanner = Targets(name, ("HDL-64E",) * 4, here, np.full((4, 3), 1e-4))
-    pose = mapping.scanner_pose(in_map, in_scanner, where="A")
+    pose = interior_map.scanner_pose(in_map, in_scanner, where="A")
     # With its own weight, 2e-6 of the others', the error of 1 cm moves the pose by some nanometres;
     # with the weight of the others it would move the pose by 2 mm.
     np.testing.assert_allclose(pose.translation, place, atol=1e-6)
@@ -106,20 +106,20 @@ def test_a_wall_may_run_along_y():
     cloud = wall(rng)
     turned = cloud[:, [1, 0, 2]]
     box = {"x_m": BOX["y_m"], "y_m": BOX["x_m"], "z_m": BOX["z_m"]}
-    one = mapping.section({"factory": cloud}, BOX, "wall")
-    other = mapping.section({"factory": turned}, box, "wall")
+    one = interior_map.section({"factory": cloud}, BOX, "wall")
+    other = interior_map.section({"factory": turned}, box, "wall")
     assert one.thickness("factory") == other.thickness("factory")
 
 
 def test_an_empty_section_is_named():
     with pytest.raises(VelocalError, match=r"section 'attic'.*0 points"):
-        mapping.section({"factory": np.zeros((50, 3))}, BOX, "attic")
+        interior_map.section({"factory": np.zeros((50, 3))}, BOX, "attic")
 
 
 def test_a_recording_without_a_complete_rotation_is_named():
     with pytest.raises(VelocalError, match=r"M1.bin: no rotation is complete"):
-        mapping.first_complete(np.array([False, False]), "M1.bin")
-    assert mapping.first_complete(np.array([False, True, True]), "M1.bin").tolist() == [1]
+        interior_map.first_complete(np.array([False, False]), "M1.bin")
+    assert interior_map.first_complete(np.array([False, True, True]), "M1.bin").tolist() == [1]
 
 
 @pytest.fixture(scope="module")
@@ -161,12 +161,12 @@ def test_true_parameters_give_back_the_room(mapped):
         shots = np.count_nonzero(columns["position"] == number)
         assert 90_000 < shots < 134_000  # a rotation of 2083 firings, without door and window
     for name, box in SELECTION["sections"].items():
-        part = mapping.section(mapping.clouds(columns), box, name)
+        part = interior_map.section(interior_map.clouds(columns), box, name)
         # Ticks of 2 mm, and encoder steps of 0.09 deg.
         assert part.thickness("refined") < 0.002
         assert part.thickness("factory") > 0.01
         run, across = (1, 0) if name == "west" else (0, 1)
-        at = mapping.clouds(columns)["refined"][part.rows]
+        at = interior_map.clouds(columns)["refined"][part.rows]
         assert abs(at[:, across].mean()) < 0.001
         assert np.ptp(at[:, run]) > 2.0
 
@@ -188,7 +188,7 @@ def test_summary_and_figure(mapped, tmp_path, monkeypatch):
     assert summary["map_positions"] == 2
     numbers = pd.read_csv(files[2])
     assert len(numbers) == summary["west_points"]
-    for state in mapping.STATES:
+    for state in interior_map.STATES:
         rms = np.sqrt(np.mean(numbers[f"across_{state}_cm"] ** 2))
         np.testing.assert_allclose(rms, summary[f"west_{state}_rms_cm"], atol=2e-3)
         assert f"{rms:.2f}" in captions.caption(SELECTION, numbers)
@@ -198,8 +198,8 @@ def test_summary_and_figure(mapped, tmp_path, monkeypatch):
 
 def test_sections_share_axes_before_and_after(mapped):
     columns, facts = storage.read_table(mapped, schemas.MAP)
-    xyz = mapping.clouds(columns)
-    part = mapping.section(xyz, SELECTION["sections"]["west"], "west")
+    xyz = interior_map.clouds(columns)
+    part = interior_map.section(xyz, SELECTION["sections"]["west"], "west")
     numbers = map_figure.section_table(part, columns, facts["positions"])
     scanners = dict(zip(facts["positions"], facts["scanners_m"], strict=True))
     figure = map_figure.draw_map(xyz["refined"], scanners, numbers, SELECTION, simulated=False)

@@ -1,4 +1,4 @@
-"""Methods of adjustment side by side: every arm runs, joint planes, table, figure and files."""
+"""Methods of adjustment side by side: every method runs, joint planes, table, figure and files."""
 
 import re
 from dataclasses import replace
@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from compare_methods import main
+from support.station import write_station
 
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.lasers import Observations, joined
@@ -14,12 +15,11 @@ from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.evaluation import methods
 from velocal.geometry.planes import Patch, Plane
-from velocal.geometry.rigid import RigidTransformation
 from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
-from velocal.survey.station import Station, SurveyedPlane
+from velocal.study.config import Adjustment
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
@@ -76,33 +76,33 @@ def samples(noise, count=1):
     )
 
 
-@pytest.mark.parametrize("arm", methods.ARMS, ids=lambda arm: arm.key)
-def test_every_arm_runs(arm):
+@pytest.mark.parametrize("method", methods.METHODS, ids=lambda method: method.key)
+def test_every_arm_runs(method):
     calibration, other = samples(0.003, 2)
-    estimate = methods.run_arm(arm, calibration, other, FACTORY, STOCHASTIC)
-    row = methods.evaluate(arm, estimate, calibration, other, 0.02, TRUE)
-    before = methods.evaluate(arm, methods.Estimate(FACTORY), calibration, other, 0.02, TRUE)
-    assert row["other_seen"] == arm.joint
-    if arm.key != "factory":
-        assert row["calibration_walls_std_cm"] < before["calibration_walls_std_cm"]
-    if arm.key in ("dl", "prior", "huber", "prior_joint", "planes_unknown"):
-        assert row["other_std_cm"] < 0.8 * before["other_std_cm"]
+    estimate = methods.run_method(method, calibration, other, FACTORY, STOCHASTIC)
+    row = methods.evaluate(method, estimate, calibration, other, 0.02, TRUE)
+    before = methods.evaluate(method, methods.Estimate(FACTORY), calibration, other, 0.02, TRUE)
+    assert row["other_seen"] == method.joint
+    if method.key != "factory":
+        assert row["calibration_walls_rms_cm"] < before["calibration_walls_rms_cm"]
+    if method.key in ("dl", "prior", "huber", "prior_joint", "planes_unknown"):
+        assert row["other_rms_cm"] < 0.8 * before["other_rms_cm"]
         assert row["dl_error_cm"] < 0.5 * before["dl_error_cm"]
-    untouched = {"alpha", "v"} - set(arm.parameters)
+    untouched = {"alpha", "v"} - set(method.parameters)
     for name in untouched:
         assert np.array_equal(getattr(estimate.parameters, name), getattr(FACTORY, name))
     # Numbers without truth are the same, and no more.
-    blind = methods.evaluate(arm, estimate, calibration, other, 0.02)
+    blind = methods.evaluate(method, estimate, calibration, other, 0.02)
     assert blind.items() <= row.items()
     assert not any("error" in name for name in blind)
 
 
 def test_windows_of_joint_samples_must_match():
     calibration, other = samples(0.003)
-    arm = next(arm for arm in methods.ARMS if arm.key == "prior_joint")
+    method = next(method for method in methods.METHODS if method.key == "prior_joint")
     short = [replace(other[0], windows=other[0].windows[:1])]
     with pytest.raises(VelocalError, match="windows per sample"):
-        methods.run_arm(arm, calibration, short, FACTORY, STOCHASTIC)
+        methods.run_method(method, calibration, short, FACTORY, STOCHASTIC)
 
 
 def tilted(normal, distance):
@@ -211,14 +211,14 @@ def numbers():
 def test_table_and_verdict(numbers):
     text = comparison.markdown(numbers, "HDL-64E", simulated=True)
     lines = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(lines) == 2 + len(methods.ARMS)
+    assert len(lines) == 2 + len(methods.METHODS)
     assert len({line.count("|") for line in lines}) == 1
     assert "simulated" in text
     joint = next(line for line in lines if "positions jointly" in line)
     assert len(re.findall(r"\d\*", joint)) == 3
     worse = numbers.copy()
-    worse.loc[worse["arm"] == "prior", "calibration_walls_std_cm"] *= 2.0
-    worse.loc[worse["arm"] == "prior", "other_walls_std_cm"] *= 9.0
+    worse.loc[worse["method"] == "prior", "calibration_walls_rms_cm"] *= 2.0
+    worse.loc[worse["method"] == "prior", "other_walls_rms_cm"] *= 9.0
     assert "NOT better there and worse here by more than 2 %" in comparison.verdict(worse)[0]
     blind = numbers.drop(columns=[*numbers.filter(like="error"), "v_far_off"])
     assert len(comparison.verdict(blind)) == 1
@@ -231,7 +231,7 @@ def test_table_and_verdict(numbers):
 
 def test_figure_writes_what_is_too_far_to_draw(numbers):
     far = numbers.copy()
-    far.loc[far["arm"] == "paper", "other_std_cm"] = 1234.0
+    far.loc[far["method"] == "paper", "other_rms_cm"] = 1234.0
     figure = comparison.draw(far, "HDL-64E", simulated=True)
     assert len(figure.axes) == 5
     assert any("1234" in text.get_text() for text in figure.axes[1].texts)
@@ -251,25 +251,19 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
         storage.write_table(path, schemas.ASSIGNED, columns)
         assigned.append(path)
         first = np.unique(data.plane, return_index=True)[1]
-        planes = tuple(
-            SurveyedPlane(
-                Patch(
-                    NAMES[k],
-                    Plane(data.normal[row], float(data.offset[row]), np.zeros((4, 4))),
-                    np.zeros((4, 3)),
-                ),
-                targets=3, flatness_mean_m=0.0, flatness_max_m=0.0, variance_factor=1.0,
+        patches = [
+            Patch(
+                NAMES[k],
+                Plane(data.normal[row], float(data.offset[row]), np.zeros((4, 4))),
+                np.zeros((4, 3)),
             )
             for k, row in enumerate(first)
-        )  # fmt: skip
-        station = Station(
-            position=name.upper(), scanner=scanner.name,
-            pose=RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6))),
-            base_targets=(), residuals_m=np.zeros((0, 3)), variance_factor=1.0, redundancy=0,
-            planes=planes,
-        )  # fmt: skip
-        storage.write_json(tmp_path / f"{name.upper()}.json", station.to_json())
-    adjustment = {"noise_cm": 1.0, "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
+        ]
+        write_station(tmp_path / f"{name.upper()}.json", name.upper(), scanner.name, patches)
+    adjustment = Adjustment.model_validate(
+        {"method": "prior", "parameters": ["dl", "alpha", "v"], "noise_cm": 1.0,
+         "prior": {"dl_cm": 2.0, "alpha_deg": 0.2, "v_deg": 0.2}}
+    )  # fmt: skip
     seen = []
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
@@ -292,5 +286,5 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
         seen.append([path.read_bytes() for path in outputs.values()])
     assert seen[0] == seen[1]
     table = storage.read_csv(tmp_path / "one/comparison.csv")
-    assert list(table["arm"]) == [arm.key for arm in methods.ARMS]
+    assert list(table["method"]) == [method.key for method in methods.METHODS]
     assert "v_error_deg" not in table

@@ -8,20 +8,23 @@ import pytest
 from support.chain import study_world
 
 from velocal.errors import ConfigError, SurveyError, VelocalError
-from velocal.evaluation import panels as outdoor
-from velocal.evaluation.planes_in_data import Cloud
+from velocal.evaluation.candidates import with_sets
+from velocal.evaluation.panels import Panels, fit_panels, panel_rows
+from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
+from velocal.paper import outdoor
 from velocal.recording.returns import read_short
-from velocal.reporting.figures import panels as outdoor_figure
-from velocal.reporting.figures.lasers import save
+from velocal.reporting.figures import panels as panels_figure
+from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
+from velocal.study.config import Panel, PanelFit
 
 SCANNER = "HDL-32E"
 BOXES = {
-    "left": {"across_m": [-1.8, -0.2], "up_m": [-1.3, 1.4]},
-    "right": {"across_m": [0.2, 1.8], "up_m": [-1.3, 1.4]},
+    "left": Panel(across_m=(-1.8, -0.2), up_m=(-1.3, 1.4)),
+    "right": Panel(across_m=(0.2, 1.8), up_m=(-1.3, 1.4)),
 }
 FIT = {"depth_m": 0.6, "min_points": 100, "min_lasers": 3, "incidence_deg": 70}
 ROTATIONS = 3
@@ -39,8 +42,9 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
 
 
 def fitted(cloud, distance_m=10.0, **fit):
-    panels = outdoor.Panels.from_config(distance_m, 8.0, BOXES, FIT | fit)
-    return outdoor.fit_panels(cloud, panels, outdoor.search(FIT | fit), "sample 'x'")
+    wanted = PanelFit(**(FIT | fit))
+    panels = Panels(distance_m, np.deg2rad(8.0), BOXES, wanted.depth_m)
+    return fit_panels(cloud, panels, PlaneLimits.from_fit(wanted), "sample 'x'")
 
 
 def with_kind(world, **changes):
@@ -66,13 +70,12 @@ def test_true_parameters_see_flat_panels_through_fog_and_people(tmp_path):
     for name, changes in (("clear", CLEAR), ("thick", thick)):
         cloud = seen(with_kind(world, **changes), tmp_path)
         planes = fitted(cloud)
-        before = outdoor.BEFORE
-        rows = outdoor.panel_rows(cloud, planes, {before: cloud.parameters, "true": true})
+        rows = panel_rows(cloud, planes, with_sets(cloud.parameters, {"true": true}))
         points[name] = sum(row["points"] for row in rows)
         for row in rows:
             # Ticks, and a relief of 1 mm on average, are all that is left with the truth.
-            low, high = (0.02, 0.25) if row["calibration"] == "true" else (0.5, 4.0)
-            assert low < row["std_cm"] < high, (name, row)
+            low, high = (0.02, 0.25) if row["parameter_set"] == "true" else (0.5, 4.0)
+            assert low < row["rms_cm"] < high, (name, row)
             assert row["lasers"] >= 8
             assert row["distance_m"] == pytest.approx(10.1, abs=0.3)
     assert 0.1 < points["thick"] / points["clear"] < 0.8
@@ -102,10 +105,10 @@ def test_the_near_far_constant_is_what_limits_the_gain(tmp_path):
         true = truth.unit_truth(world, "HDL-64E")
         near = true.parameters.corrected({"dl": -3.0 * true.range_scale})
         cloud = seen(world, tmp_path, "real5", "HDL-64E")
-        candidates = {outdoor.BEFORE: cloud.parameters, "near": near}
-        rows = outdoor.panel_rows(cloud, fitted(cloud, 25.0), candidates)
-        std = {row["calibration"]: row["std_cm"] for row in rows if row["panel"] == "left"}
-        ratios[scale] = std["near"] / std[outdoor.BEFORE]
+        candidates = with_sets(cloud.parameters, {"near": near})
+        rows = panel_rows(cloud, fitted(cloud, 25.0), candidates)
+        rms = {row["role"]: row["rms_cm"] for row in rows if row["panel"] == "left"}
+        ratios[scale] = rms["set"] / rms["factory"]
     assert ratios[0.0] < 0.2
     # In the mean over units as much comes in as is taken out; four lasers scatter about that.
     assert ratios[0.11] > max(0.4, 3.0 * ratios[0.0])
@@ -141,26 +144,36 @@ def test_a_person_is_met_in_front():
     np.testing.assert_allclose(later, [np.hypot(1.0, 5.0) - 0.25])
 
 
-def rows_of(sample, kind="ideal", scanner="HDL-64E", **std):
+def rows_of(sample, factory, kind="ideal", scanner="HDL-64E", **sets):
     heading = {"kind": kind, "scanner": scanner, "sample": sample}
+    candidates = [("factory", "", factory), *(("set", name, rms) for name, rms in sets.items())]
     return [
         heading
-        | {"panel": panel, "calibration": name, "distance_m": 10.0, "incidence_deg": 5.0,
-           "points": 500, "trimmed": 3, "lasers": lasers, "std_cm": value + more,
-           "pooled_rms_cm": value}
+        | {"panel": panel, "role": role, "parameter_set": name, "distance_m": 10.0,
+           "incidence_deg": 5.0, "points": 500, "trimmed": 3, "lasers": lasers,
+           "rms_cm": value + more, "pooled_rms_cm": value}
         for panel, lasers, more in (("left", 9, -0.1), ("right", 8, 0.1))
-        for name, value in std.items()
+        for role, name, value in candidates
     ]  # fmt: skip
 
 
-def test_summary_means_and_the_best_set():
-    rows = rows_of("a", before=3.0, set1=2.0, set2=1.0) + rows_of("b", before=2.0, set1=1.0, set2=3)
-    rows += rows_of("c", "real", "HDL-32E", before=1.3, set1=1.1)
-    samples, means = outdoor.summarise(rows)
-    assert [row["sample"] for row in samples] == ["a", "b", "c"]
-    assert samples[0]["points"] == 1000
-    assert samples[0]["lasers"] == 8
-    assert [row["parameters"] for row in means] == ["set1", "set1"]
+def summarised(rows):
+    return outdoor.summarise(pd.DataFrame(rows))
+
+
+@pytest.mark.parametrize("best", ["set1", "before", "after", "window"])
+def test_summary_means_and_the_best_set(best):
+    rows = rows_of("a", 3.0, **{best: 2.0, "set2": 1.0})
+    rows += rows_of("b", 2.0, **{best: 1.0, "set2": 3.0})
+    rows += rows_of("c", 1.3, "real", "HDL-32E", set1=1.1)
+    samples, means = summarised(rows)
+    assert list(samples["sample"]) == ["a"] * 3 + ["b"] * 3 + ["c"] * 2
+    assert list(samples["shown"]) == ["before", "after", ""] * 2 + ["before", "after"]
+    assert set(samples["points"]) == {1000}
+    assert set(samples["lasers"]) == {8}
+    shown = means[means["shown"] == "after"]
+    assert list(shown["parameter_set"]) == [best, "set1"]
+    assert list(shown["samples"]) == [2, 1]
     facts = {row["item"]: row["value"] for row in outdoor.facts(means)}
     assert facts == pytest.approx(
         {
@@ -170,21 +183,25 @@ def test_summary_means_and_the_best_set():
             "outdoor_real_after_32": 1.1,
         }
     )
-    with pytest.raises(VelocalError, match="different parameter sets"):
-        outdoor.summarise(rows + rows_of("d", before=2.0, set1=1.0))
+    side_by_side = outdoor.before_and_after(means, ["kind", "scanner"])
+    assert side_by_side["before_cm"].tolist() == pytest.approx([2.5, 1.3])
+    assert side_by_side["after_cm"].tolist() == pytest.approx([1.5, 1.1])
+    assert side_by_side["parameter_set"].tolist() == [best, "set1"]
+    with pytest.raises(VelocalError, match="rows per parameter set"):
+        summarised(rows + rows_of("d", 2.0, **{best: 1.0}))
     with pytest.raises(VelocalError, match="no parameter set"):
-        outdoor.summarise(rows_of("d", before=2.0))
+        summarised(rows_of("d", 2.0))
 
 
 def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
-    rows = rows_of("a", before=3.0, set1=2.0) + rows_of("c", "real", "HDL-32E", before=5.0, set1=1)
-    samples = pd.DataFrame(outdoor.summarise(rows)[0])
-    top = outdoor_figure.top_cm(samples, 2.0)
+    rows = rows_of("a", 3.0, set1=2.0) + rows_of("c", 5.0, "real", "HDL-32E", set1=1.0, set2=9.0)
+    samples, _ = summarised(rows)
+    top = panels_figure.top_cm(samples, 2.0)
     assert top == pytest.approx(5.4)
     written = []
     for name in ("one", "two"):
-        numbers = outdoor_figure.numbers(samples, "ideal", "HDL-64E")
-        figure = outdoor_figure.draw(
+        numbers = panels_figure.numbers(samples, "ideal", "HDL-64E")
+        figure = panels_figure.draw(
             numbers, "ideal", "HDL-64E", top_cm=top, sigma_cm=2.0, simulated=True
         )
         assert figure.axes[0].get_ylim()[1] == pytest.approx(5.4)

@@ -10,18 +10,18 @@ import pytest
 from support.building import WORLD, stated
 
 from velocal.io import schemas, storage
-from velocal.reduction.assignment import Limits
 from velocal.reporting import captions
 from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
+from velocal.study.config import AssignmentLimits
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station, read_station
 from velocal.survey.targets import write_targets
 
 PLANES = ["short_wall", "long_wall", "floor"]
-GATES = {"distance_cm": 25, "edge_cm": 5, "incidence_deg": 80}
+LIMITS = AssignmentLimits(distance_cm=25, edge_cm=5, incidence_deg=80)
 SELECTION = {"kind": "plan", "scanner": "HDL-32E", "samples": ["sa5", "sa6"]}
 PERFECT = WORLD.without_errors()
 
@@ -66,7 +66,7 @@ def numbers(views):
             station.position, path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
             columns, parameters, station.patches, station.pose,
         )  # fmt: skip
-        frames.append(plan_figure.plan(view, surveyed, Limits.from_config(GATES)))
+        frames.append(plan_figure.plan(view, surveyed, LIMITS.metric()))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -116,11 +116,11 @@ def test_nothing_measured_still_makes_a_plan(views):
         {name: values[:0] for name, values in columns.items()},
         unit_truth(PERFECT, "HDL-32E").parameters, station.patches, station.pose,
     )  # fmt: skip
-    found = plan_figure.plan(view, plan_targets(targets), Limits.from_config(GATES))
+    found = plan_figure.plan(view, plan_targets(targets), LIMITS.metric())
     assert not len(found[found["kind"] == "median"])
     plan_figure.draw_plan(found, SELECTION, simulated=False)
     turned = replace(view, pose=view.pose.inverse().inverse())
-    again = plan_figure.plan(turned, plan_targets(targets), Limits.from_config(GATES))
+    again = plan_figure.plan(turned, plan_targets(targets), LIMITS.metric())
     pd.testing.assert_frame_equal(found, again)
 
 
@@ -143,7 +143,7 @@ def test_bytes_depend_on_nothing_but_the_data(views, tmp_path, monkeypatch):
         names = ("medians", "surveys", "targets", "svg", "png", "csv")
         draw_plan.main(
             **dict(zip(names, (*views, *files), strict=True)), calibration=None,
-            samples=SELECTION["samples"], selection=SELECTION, gates=GATES, simulated=True,
+            samples=SELECTION["samples"], selection=SELECTION, limits=LIMITS, simulated=True,
         )  # fmt: skip
         return [path.read_bytes() for path in files]
 

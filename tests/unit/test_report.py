@@ -13,6 +13,7 @@ from write_report import main
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.io import storage
+from velocal.paper import agreement as comparison
 from velocal.paper import printed as published
 from velocal.paper import tables
 from velocal.reporting import report
@@ -25,9 +26,9 @@ PNG = b"\x89PNG\r\n\x1a\nnot really"
 
 METHODS = pd.DataFrame(
     {
-        "arm": ["paper", "prior"], "name": ["the paper <printed>", "ours"], "reference": "x",
+        "method": ["paper", "prior"], "name": ["the paper <printed>", "ours"], "reference": "x",
         "planes": "all", "parameters": "dl", "other_seen": [0, 0], "unconverged": [3, 0],
-        "calibration_walls_std_cm": [1.0, 1.01], "other_walls_std_cm": [2.0, 1.5],
+        "calibration_walls_rms_cm": [1.0, 1.01], "other_walls_rms_cm": [2.0, 1.5],
     }
 )  # fmt: skip
 
@@ -74,7 +75,7 @@ def agreement():
             for n, entry in TABLES.items()
         ]
     )
-    return published.agreement(SUMMARY, rebuilt)
+    return comparison.of_cells(comparison.statistics_shown(SUMMARY, rebuilt))
 
 
 FULL = report.Study(
@@ -88,14 +89,20 @@ FULL = report.Study(
         report.Figure(
             "16",
             {"kind": "std", "scanner": "HDL-32E", "samples": ["sa5"], "data": "calibration"},
-            pd.DataFrame({"calibration": ["before", "after"], "parameters": ["factory", "set1"]}),
+            pd.DataFrame(
+                {
+                    "calibration": ["before", "after"],
+                    "role": ["factory", "window"],
+                    "parameter_set": ["", ""],
+                }
+            ),
             PNG,
         )
     ],
     surveys=[SURVEY],
     sets={"HDL-32E": {"set1": columns_of_set()}},
     factories={"HDL-32E": FACTORY},
-    field_table=pd.DataFrame({"sample": ["street"], "std_cm": [0.61234567]}),
+    field_table=pd.DataFrame({"sample": ["street"], "rms_cm": [0.61234567]}),
     field_pictures={"street": PNG},
     methods=(METHODS, PNG),
 )
@@ -206,7 +213,7 @@ def test_verdicts_read_from_a_file_are_understood():
 
 
 def test_without_comparison_there_is_nothing_of_the_paper():
-    page = report.render(replace(FULL, agreement=None, methods=(None, b""), simulated=False))
+    page = report.render(replace(FULL, agreement=None, methods=None, simulated=False))
     assert "paper" not in text_of(page).replace("as in the paper", "")
     assert 'id="agreement"' not in page
     Elements(page)
@@ -252,7 +259,8 @@ def test_script_reads_what_is_there(tmp_path):
     files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection}, "scanners": ["HDL-32E"]}
-    common["factory_scanners"] = []
+    common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
+    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": []}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()
     ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
@@ -267,4 +275,4 @@ def test_methods_are_compared():
     assert "the paper &lt;printed&gt;" in section
     assert "-25.0 % on the position" in section
     assert section.count("<tr>") == 3
-    assert 'id="methods"' not in report.render(replace(FULL, methods=(None, b"")))
+    assert 'id="methods"' not in report.render(replace(FULL, methods=None))

@@ -3,58 +3,71 @@
 import csv
 import io
 
+import pandas as pd
 import pytest
 from make_table import main
 from support.results import STD_CM, TABLES, statistics
 
 from velocal.errors import ConfigError, VelocalError
-from velocal.evaluation.statistics import best_set, mean_std_of_sets
+from velocal.evaluation.candidates import Role
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
+from velocal.paper import printed as printed_numbers
 from velocal.paper import tables
+from velocal.paper.best_set import shown_after
 
 LASERS, SUMMARY = statistics()
-COLUMNS = {name: SUMMARY[name].to_numpy() for name in SUMMARY}
+SET2 = SUMMARY["parameter_set"] == "set2"
 
 
 def build(number="4", summary=SUMMARY, *, simulated=True, **changes):
     return tables.build(number, TABLES[number] | changes, summary, simulated=simulated)
 
 
+def best_set(summary, scanner, samples):
+    shown = shown_after(summary, scanner, samples, "validation", "tables")
+    assert shown.role is Role.SET
+    return shown.parameter_set
+
+
 def test_best_set_has_the_least_mean():
-    assert best_set(COLUMNS, "HDL-64E", ["sa1", "sa2"]) == "set2"
-    means = mean_std_of_sets(COLUMNS, "HDL-64E", ["sa1", "sa2"])
+    assert best_set(SUMMARY, "HDL-64E", ["sa1", "sa2"]) == "set2"
+    means = shown_after(SUMMARY, "HDL-64E", ["sa1", "sa2"], "validation", "tables").means_cm
     assert list(means) == ["set1", "set2", "set3"]
     assert means == pytest.approx({name: STD_CM[name] for name in means}, rel=0.05)
 
 
+def test_medians_are_shown_with_the_adjustment_of_their_window():
+    shown = shown_after(SUMMARY, "HDL-64E", ["sa3"], "calibration", "tables")
+    assert (shown.role, shown.parameter_set) == (Role.WINDOW, "")
+
+
 def test_best_set_depends_on_the_samples_asked_for():
     summary = SUMMARY.copy()
-    own = (summary["sample"] == "sa4") & (summary["calibration"] == "set3")
-    summary.loc[own, "std_cm"] = 0.1
-    columns = {name: summary[name].to_numpy() for name in summary}
-    assert best_set(columns, "HDL-64E", ["sa4"]) == "set3"
-    assert best_set(columns, "HDL-64E", ["sa1"]) == "set2"
+    own = (summary["sample"] == "sa4") & (summary["parameter_set"] == "set3")
+    summary.loc[own, "rms_cm"] = 0.1
+    assert best_set(summary, "HDL-64E", ["sa4"]) == "set3"
+    assert best_set(summary, "HDL-64E", ["sa1"]) == "set2"
 
 
 def test_first_of_equal_sets():
-    assert best_set(COLUMNS | {"std_cm": COLUMNS["std_cm"] * 0}, "HDL-64E", ["sa1"]) == "set1"
+    assert best_set(SUMMARY.assign(rms_cm=0.0), "HDL-64E", ["sa1"]) == "set1"
 
 
 def test_a_set_without_residuals_is_never_the_best():
     summary = SUMMARY.copy()
-    summary.loc[summary["calibration"] == "set2", "std_cm"] = float("nan")
-    columns = {name: summary[name].to_numpy() for name in summary}
-    assert best_set(columns, "HDL-64E", ["sa1"]) == "set3"
+    summary.loc[SET2, "rms_cm"] = float("nan")
+    assert best_set(summary, "HDL-64E", ["sa1"]) == "set3"
     with pytest.raises(VelocalError, match="without residuals"):
-        best_set(COLUMNS | {"std_cm": COLUMNS["std_cm"] * float("nan")}, "HDL-64E", ["sa1"])
+        best_set(SUMMARY.assign(rms_cm=float("nan")), "HDL-64E", ["sa1"])
 
 
 def test_sets_must_share_their_windows():
-    summary = SUMMARY.drop(SUMMARY.index[SUMMARY["calibration"] == "set3"][0])
-    with pytest.raises(VelocalError, match="windows per set"):
-        best_set({name: summary[name].to_numpy() for name in summary}, "HDL-64E", ["sa1"])
+    summary = SUMMARY.drop(SUMMARY.index[SUMMARY["parameter_set"] == "set3"][0])
+    with pytest.raises(VelocalError, match="rows per parameter set"):
+        best_set(summary, "HDL-64E", ["sa1"])
     with pytest.raises(VelocalError, match="no parameter set"):
-        best_set(COLUMNS, "VLP-16", ["sa1"])
+        best_set(SUMMARY, "VLP-16", ["sa1"])
 
 
 def test_rows_before_then_after_by_sample_and_window():
@@ -70,17 +83,22 @@ def test_rows_before_then_after_by_sample_and_window():
     assert set(frame["table"]) == {"IV"}
 
 
-@pytest.mark.parametrize(("number", "after"), [("2", "after"), ("4", "set2"), ("5", "set1")])
+@pytest.mark.parametrize(
+    ("number", "after"),
+    [("2", ("window", "")), ("4", ("set", "set2")), ("5", ("set", "set1"))],
+)
 def test_numbers_are_those_of_the_summary(number, after):
     table = build(number)
-    keys = ["scanner", "sample", "window", "calibration"]
+    keys = ["scanner", "sample", "window", "role", "parameter_set"]
     of_data = SUMMARY[SUMMARY["data"] == TABLES[number]["data"]].set_index(keys)
     for row in table.frame.to_dict(orient="records"):
-        shown = "before" if row["calibration"] == "before" else after
-        same = of_data.loc[(row["scanner"], row["sample"], row["window"], shown)]
-        for name in tables.DECIMALS:
+        shown = ("factory", "") if row["calibration"] == "before" else after
+        assert (row["role"], row["parameter_set"]) == shown
+        same = of_data.loc[(row["scanner"], row["sample"], row["window"], *shown)]
+        assert row["std_cm"] == same["rms_cm"]
+        for name in ("within_1sigma_pct", "within_3sigma_pct"):
             assert row[name] == same[name]
-    assert any(after in note or "adjusted" in note for note in table.notes)
+    assert any((after[1] or "adjusted") in note for note in table.notes)
 
 
 def test_notes_name_the_set_and_how_it_was_chosen():
@@ -114,9 +132,31 @@ def test_special_characters_in_names():
     assert r"hall\_1|b &" in tables.to_latex(table)
 
 
-def test_names_that_look_like_numbers():
-    summary = SUMMARY.assign(sample=SUMMARY["sample"].str[2:].astype(int))
-    assert set(build("4", summary, samples=["1", "2"]).frame["sample"]) == {"1", "2"}
+def test_names_that_look_like_numbers_or_like_nothing(tmp_path):
+    """A sample 1 and a set 02, a set that is called NA."""
+    names = {"set1": "1", "set2": "02", "set3": "NA"}
+    summary = SUMMARY.assign(sample=SUMMARY["sample"].str[2:]).replace({"parameter_set": names})
+    storage.write_csv(tmp_path / "summary.csv", summary)
+    read = pd.DataFrame(storage.read_csv(tmp_path / "summary.csv", text=KEYS))
+    assert best_set(read, "HDL-64E", ["1"]) == "02"
+    frame = build("4", read, samples=["1", "2"]).frame
+    assert set(frame["sample"]) == {"1", "2"}
+    assert set(frame["parameter_set"]) == {"", "02"}
+    read.loc[read["parameter_set"] == "NA", "rms_cm"] = 0.1
+    assert best_set(read, "HDL-64E", ["1"]) == "NA"
+
+
+@pytest.mark.parametrize("name", ["before", "after", "factory", "window", "adjusted"])
+def test_a_set_may_have_the_name_of_a_role(name):
+    summary = SUMMARY.replace({"parameter_set": {"set2": name}})
+    frame, same = build("4", summary).frame, build("4").frame
+    assert set(frame["parameter_set"]) == {"", name}
+    assert frame.drop(columns="parameter_set").equals(same.drop(columns="parameter_set"))
+
+
+def test_a_table_begins_with_the_columns_of_the_paper():
+    printed = pd.read_csv(printed_numbers.TABLES)
+    assert list(build().frame)[: len(printed.columns)] == list(printed)
 
 
 def test_errors_name_what_is_missing():

@@ -1,10 +1,28 @@
 """Statistics per laser and per window against literal formulas."""
 
 import numpy as np
+import pandas as pd
 import pytest
+import residuals_validation
 from scipy.stats import chi2
+from support.station import write_station
 
-from velocal.evaluation.statistics import laser_statistics, statistics_table, summary_row
+from velocal.adjustment.lasers import Observations
+from velocal.calibration.files import formats
+from velocal.errors import VelocalError
+from velocal.evaluation.candidates import Candidate, Role, with_sets
+from velocal.evaluation.statistics import (
+    KEYS,
+    laser_statistics,
+    statistics_columns,
+    statistics_table,
+    summary_row,
+)
+from velocal.geometry.planes import Patch, Plane
+from velocal.io import schemas, storage
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
+from velocal.study.config import AssignmentLimits, Validation
 
 S = np.array([0.01, -0.03, 0.02, 0.05, 0.07, 0.001, -0.002])
 LASER = np.array([0, 0, 0, 2, 2, 2, 2])
@@ -21,6 +39,7 @@ def test_against_literal_formulas():
         np.testing.assert_allclose(found.within_3sigma[laser], np.mean(np.abs(own) < 0.06))
     assert found.count[1] == found.count[3] == 0
     assert np.isnan(found.rms_m[[1, 3]]).all()
+    assert np.isnan(found.std_m[[1, 3]]).all()
     assert not found.complies_zero[[1, 3]].any()
 
 
@@ -56,11 +75,11 @@ def test_size_of_the_variance_test():
 
 
 def test_summary_reads_the_table():
-    table = statistics_table({"sample": "a"}, {"before": S}, LASER, 4, 0.02)
-    assert set(table["calibration"]) == {"before"}
+    table = statistics_columns({"sample": "a"}, S, LASER, 4, 0.02)
+    assert set(table["sample"]) == {"a"}
     row = summary_row(table)
     rms = [np.sqrt(np.mean(S[laser == LASER] ** 2)) * 100 for laser in (0, 2)]
-    np.testing.assert_allclose(row["std_cm"], np.mean(rms))
+    np.testing.assert_allclose(row["rms_cm"], np.mean(rms))
     np.testing.assert_allclose(row["pooled_rms_cm"], np.sqrt(np.mean(S**2)) * 100)
     np.testing.assert_allclose(row["within_1sigma_pct"], np.mean(np.abs(S) < 0.02) * 100)
     assert (row["lasers"], row["count"]) == (2, 7)
@@ -68,7 +87,74 @@ def test_summary_reads_the_table():
 
 def test_nothing_assigned_is_not_a_number():
     nothing = np.zeros(0)
-    table = statistics_table({}, {"before": nothing}, nothing.astype(int), 3, 0.02)
+    table = statistics_columns({}, nothing, nothing.astype(int), 3, 0.02)
     row = summary_row(table)
+    assert np.isnan(row["rms_cm"])
     assert np.isnan(row["std_cm"])
     assert row["lasers"] == 0
+
+
+def test_std_of_a_window_is_that_of_its_lasers():
+    """One column name has one meaning: standard deviation about the mean of the laser."""
+    table = statistics_columns({}, S, LASER, 4, 0.02)
+    assert summary_row(table)["std_cm"] == pytest.approx(np.nanmean(table["std_cm"]))
+
+
+@pytest.mark.parametrize("name", ["before", "after", "factory", "adjusted"])
+def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
+    """The wall stands where the factory's parameters see it; the set is 10 cm off."""
+    known = SCANNERS["HDL-32E"]
+    factory = nominal(known)
+    laser = np.repeat(np.arange(known.n_lasers), 50)
+    azimuth = np.tile(np.arange(50), known.n_lasers)
+    distance = 4.0 / np.cos(factory.v[laser]) / np.cos(np.deg2rad(azimuth * 0.01))
+    columns = {
+        "rotation": np.zeros(len(laser)), "timestamp": np.zeros(len(laser)), "azimuth": azimuth,
+        "laser_id": laser, "distance": np.round(distance / known.distance_tick_m),
+        "intensity": np.zeros(len(laser)), "return": np.zeros(len(laser)),
+    }  # fmt: skip
+    returns, survey = tmp_path / "returns.parquet", tmp_path / "P1.json"
+    storage.write_table(returns, schemas.RETURNS, columns, rotation_rate_hz=10.0)
+    corners = np.array([[x, 4.0, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))])
+    plane = Plane(np.array([0.0, 1.0, 0.0]), -4.0, np.zeros((4, 4)))
+    write_station(survey, "P1", known.name, [Patch("wall", plane, corners)])
+    of_set = tmp_path / f"{name}.csv"
+    formats.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
+    statistics = tmp_path / "statistics.csv"
+    residuals_validation.main(
+        returns=returns, survey=survey, calibration=None, sets=[of_set], statistics=statistics,
+        sample="a", window="middle", scanner=known.name, parameter_sets=[name],
+        limits=AssignmentLimits(distance_cm=50, incidence_deg=70, edge_cm=5),
+        validation=Validation(rotations=1, sigma_cm=2.0),
+    )  # fmt: skip
+    rows = pd.DataFrame(storage.read_csv(statistics, text=KEYS))
+    assert len(rows) == 2 * known.n_lasers
+    assert rows["role"].tolist() == ["factory"] * known.n_lasers + ["set"] * known.n_lasers
+    assert rows["parameter_set"].tolist() == [""] * known.n_lasers + [name] * known.n_lasers
+    rms = rows.groupby(rows.index // known.n_lasers)["rms_cm"].mean()
+    assert rms[0] < 0.5 < 9.0 < rms[1] < 11.0
+
+
+def test_a_name_belongs_to_a_set_and_to_nothing_else():
+    factory = nominal(SCANNERS["VLP-16"])
+    for role, name in ((Role.SET, ""), (Role.FACTORY, "set1"), (Role.WINDOW, "set1")):
+        with pytest.raises(VelocalError, match="a name for the role 'set', none for the others"):
+            Candidate(role, factory, name)
+
+
+def test_candidates_stand_below_each_other():
+    factory = nominal(SCANNERS["VLP-16"])
+    lasers = np.arange(16)
+    data = Observations(
+        np.full(16, 3.0), np.zeros(16), lasers, np.tile([0.0, 1.0, 0.0], (16, 1)),
+        np.full(16, -3.0), np.zeros(16, int),
+    )  # fmt: skip
+    candidates = with_sets(factory, {"window": factory.corrected({"dl": np.full(16, 0.5)})})
+    table = statistics_table({"sample": "a"}, candidates, data, 0.02)
+    assert list(table["laser_id"]) == [*lasers] * 2
+    for k, each in enumerate(candidates):
+        own = slice(16 * k, 16 * (k + 1))
+        assert set(table["role"][own]) == {each.role.value}
+        assert set(table["parameter_set"][own]) == {each.parameter_set}
+        rms_cm = np.abs(data.misclosure(each.parameters)) * 1e2
+        np.testing.assert_allclose(table["rms_cm"][own], rms_cm)

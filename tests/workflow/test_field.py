@@ -14,8 +14,8 @@ SAMPLES = {"hdl64e_s1": "HDL-64E-S1", "hdl32e": "HDL-32E", "vlp16": "VLP-16"}
 
 def run(folder: Path, recordings: Path, *arguments: str):
     return snakemake(
-        folder, "--cores", "2", "--configfile", "config/field.yaml",
-        "--config", f"field={{recordings: {recordings}}}", *arguments,
+        folder, "--cores", "2", "--configfile", "config/unsurveyed.yaml",
+        "--config", f"unsurveyed={{recordings: {recordings}}}", *arguments,
     )  # fmt: skip
 
 
@@ -50,10 +50,10 @@ def test_three_samples_with_planes(table):
 def test_lasers_agree_within_the_datasheet(table, sample):
     """Nominal values are good for these two models: every plane is flat to 2 cm (1 sigma)."""
     of = table[table["sample"] == sample]
-    assert (of["std_cm"] < 2.0).all()
-    assert (of["std_cm"] > 0.3).all()
-    assert (of["mean_std_cm"] < 1.3).all()
-    assert (of["mean_std_cm"] <= of["std_cm"]).all()
+    assert (of["rms_cm"] < 2.0).all()
+    assert (of["rms_cm"] > 0.3).all()
+    assert (of["std_cm"] < 1.3).all()
+    assert (of["std_cm"] <= of["rms_cm"]).all()
     assert (of["trimmed"] < 0.2 * of["points"]).all()
 
 
@@ -70,8 +70,8 @@ def test_walls_and_ground(table):
 def test_missing_distance_corrections_of_the_s1(results, table):
     """Without the unit's file the lasers are centimetres apart, the same on every stretch."""
     of = table[table["sample"] == "hdl64e_s1"].set_index("plane")
-    assert (of["std_cm"] > 4.0).all()
-    assert (of.loc[["bay1", "pier", "bay2"], "mean_std_cm"] < 1.2).all()
+    assert (of["rms_cm"] > 4.0).all()
+    assert (of.loc[["bay1", "pier", "bay2"], "std_cm"] < 1.2).all()
     lasers = pd.read_csv(results / "field/hdl64e_s1/lasers.csv")
     mean = lasers.pivot(index="laser_id", columns="plane", values="mean_cm")
     assert mean["bay1"].corr(mean["bay2"]) > 0.97
@@ -112,7 +112,7 @@ def test_second_run_is_idle(finished, shared):
 def test_missing_captures_are_one_clear_error(tmp_path):
     """As on a fresh checkout: nothing was fetched yet."""
     folder = copy_project(tmp_path / "project")
-    done = snakemake(folder, "--cores", "2", "--configfile", "config/field.yaml")
+    done = snakemake(folder, "--cores", "2", "--configfile", "config/unsurveyed.yaml")
     said = done.stdout + done.stderr
     assert done.returncode == 1
     assert "no file 'data/recordings/hdl64e-s1-outdoor-wall.pcap'" in said

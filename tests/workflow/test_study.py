@@ -87,9 +87,9 @@ def test_results_are_there(finished):
     assert list(accuracy["item"]) == ["control_points", "targets", "base_field", "base_scanner"]
     summary = pd.read_csv(results / "statistics/summary.csv")
     assert len(summary) == 2 * 3 * 4
-    assert summary["std_cm"].notna().all()
-    pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("calibration")
-    assert pair["std_cm"].mean()["after"] < 0.6 * pair["std_cm"].mean()["before"]
+    assert summary["rms_cm"].notna().all()
+    pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("role")
+    assert pair["rms_cm"].mean()["window"] < 0.6 * pair["rms_cm"].mean()["factory"]
 
 
 def test_second_run_is_idle(finished):
@@ -99,7 +99,7 @@ def test_second_run_is_idle(finished):
 
 
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
-    edited("src/velocal/reporting/figures/lasers.py", "\nEDITED = 1\n")
+    edited("src/velocal/reporting/style.py", "\nEDITED = 1\n")
     drawn = {"draw_lasers", "draw_histogram", "draw_network", "draw_plan", "draw_panels"}
     assert {rule for rule, _ in planned(finished)} == drawn | {"write_report"}
 
@@ -165,12 +165,12 @@ def test_nothing_downstream_sees_the_truth(tmp_path):
 
 
 def test_a_study_starts_from_its_own_recording(tmp_path):
-    """`stream` in the sheet: no calibration file is handed over, none is planned to be made."""
+    """`embedded` in the sample table: no calibration file is handed over, and none is made."""
     folder = copy_project(tmp_path / "project")
     make_tiny(folder)
     config = folder / "config/config.yaml"
     for sheet in (folder / "config").glob("*.tsv"):
-        text = sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "stream")
+        text = sheet.read_text().replace("results/simulation/factory/HDL-64E.xml", "embedded")
         sheet.write_text(text)
     # The table takes 4160 packets from where it begins: 24 rotations hold it for sure.
     config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))

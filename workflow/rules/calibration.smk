@@ -30,7 +30,7 @@ rule assign_medians:
         f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        gates=config.get("assignment", {}).get("gates"),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
     script:
         "../../scripts/assign_medians.py"
 
@@ -47,7 +47,7 @@ rule adjust_lasers:
         f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner),
+        config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner).plain(),
     script:
         "../../scripts/adjust_lasers.py"
 
@@ -73,9 +73,9 @@ rule average_set:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
     localrule: True
     params:
-        weights=config.get("adjustment", {}).get("average", "equal"),
+        weights=lambda wildcards: STUDY.average,
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
         positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
-        export={"yaml": "ros", "xml": "veloview"} | config.get("export", {}),
+        export=SETTINGS.export.plain(),
     script:
         "../../scripts/average_set.py"

@@ -1,12 +1,16 @@
-# Sheets and helpers; no rules. Everything is checked here, before the DAG: a sheet that names a
-# missing recording would otherwise be answered by "Nothing to be done" while old results lie there.
+# Configuration and helpers; no rules. Everything is checked here, before the DAG: a sample table
+# that names a missing recording would otherwise be answered by "Nothing to be done" while old
+# results lie there.
 
 from pathlib import Path
 
 from velocal.errors import VelocalError
 from velocal.io.provenance import library_digest
-from velocal.study.sheets import check, read_yaml
-from velocal.study.config import WHOLE, WINDOWS, check_files, read_study
+from velocal.scanner.models import SCANNERS
+from velocal.study.files import check_files
+from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
+from velocal.study.study import read_study
+from velocal.study.world import check_world, read_world
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 WORKFLOW = Path(str(workflow.current_basedir)).parent
@@ -14,18 +18,19 @@ SCRIPTS = WORKFLOW.parent / "scripts"
 CONFIG_NAME = "configuration"
 
 try:
-    STUDY = read_study(config, WORKFLOW / "schemas", CONFIG_NAME)
-    RESULTS = config["results"].rstrip("/")
-    WORLD = config.get("simulation", {}).get("world")
+    STUDY = read_study(config, CONFIG_NAME)
+    SETTINGS = STUDY.config
+    RESULTS = SETTINGS.folder
+    WORLD = SETTINGS.simulation.world if SETTINGS.simulation else None
     if WORLD:
-        world_schema = read_yaml(WORKFLOW / "schemas/world.schema.yaml")
-        check(read_yaml(Path(WORLD)), world_schema, WORLD)
-    check_files(STUDY, f"{RESULTS}/simulation" if WORLD else None, CONFIG_NAME)
+        SIMULATED = read_world(Path(WORLD))
+        check_world(STUDY, SIMULATED, WORLD)
+    check_files(STUDY, CONFIG_NAME)
 except VelocalError as error:
     raise WorkflowError(str(error)) from None
 
 
-FIGURES = config.get("figures", {})
+FIGURES = SETTINGS.figures
 
 
 def one_of(names):
@@ -62,7 +67,7 @@ def complete(rules):
 
 def figures_of(*kinds):
     """Figures of some kinds, by number: each kind is drawn by a rule of its own."""
-    return {number: each for number, each in FIGURES.items() if each["kind"] in kinds}
+    return {number: each for number, each in FIGURES.items() if each.kind in kinds}
 
 
 def figure_files(numbers, suffixes=("svg", "png", "csv")):
@@ -84,13 +89,13 @@ def outdoor_sample(wildcards):
 def calibration_file(wildcards):
     """Factory calibration of a sample, as input; nothing for nominal values."""
     path = sample_of(wildcards).calibration
-    return [] if path == "nominal" else path
+    return [] if path == NOMINAL else path
 
 
 def factory_path(scanner):
     """Factory calibration of a scanner, as input; nothing for nominal values."""
-    path = STUDY.factories.get(scanner, "nominal")
-    return [] if path == "nominal" else path
+    path = STUDY.factories.get(scanner, NOMINAL)
+    return [] if path == NOMINAL else path
 
 
 def per_window(pattern, samples):

@@ -1,4 +1,4 @@
-# Recordings without a survey ("field samples"): how well does each laser see a flat thing flat?
+# Recordings without a survey: how flat does each laser see a flat surface?
 #
 # in:   medians of the whole recording, a calibration (a file, or nominal values)
 # out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
@@ -6,15 +6,21 @@
 #       {results}/field/{sample}/planes.{svg,png} picture
 #       {results}/field/table.{csv,md}            one row per sample and plane
 
-FIELD = config.get("field", {})
+UNSURVEYED = SETTINGS.unsurveyed
 
 
-FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.field else []
+FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.unsurveyed else []
 FIELD_FILES += expand(
     f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
-    sample=STUDY.field,
+    sample=STUDY.unsurveyed,
     suffix=("json", "svg", "png"),
 )
+
+
+def patches_of(sample):
+    """Boxes of the planes of a sample; None where planes are searched for."""
+    boxes = UNSURVEYED.patches.get(sample)
+    return boxes and {plane: box.plain() for plane, box in boxes.items()}
 
 
 rule fit_field_planes:
@@ -30,16 +36,18 @@ rule fit_field_planes:
         f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        patches=lambda wildcards: FIELD.get("patches", {}).get(wildcards.sample),
-        search=FIELD.get("search"),
-        sigma_cm=FIELD.get("sigma_cm"),
+        patches=lambda wildcards: patches_of(wildcards.sample),
+        search=lambda wildcards: UNSURVEYED.search.plain(),
+        sigma_cm=lambda wildcards: UNSURVEYED.sigma_cm,
     script:
         "../../scripts/fit_field_planes.py"
 
 
 rule tabulate_field:
     input:
-        planes=expand(f"{RESULTS}/field/{{sample}}/planes.json", sample=STUDY.field),
+        planes=expand(
+            f"{RESULTS}/field/{{sample}}/planes.json", sample=STUDY.unsurveyed
+        ),
     output:
         csv=f"{RESULTS}/field/table.csv",
         md=f"{RESULTS}/field/table.md",

@@ -17,14 +17,14 @@ rule draw_plan:
     input:
         medians=lambda wildcards: expand(
             f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
-            sample=PLANS[wildcards.figure]["samples"],
+            sample=PLANS[wildcards.figure].samples,
             window="middle",
         ),
         surveys=lambda wildcards: at_positions(
-            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure]["samples"]
+            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure].samples
         ),
-        targets=SURVEY.get("planes", []),
-        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure]["scanner"]),
+        targets=SURVEY.planes if SURVEY else [],
+        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure].scanner),
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
         png=f"{RESULTS}/figures/figure_{{figure}}.png",
@@ -34,9 +34,9 @@ rule draw_plan:
     wildcard_constraints:
         figure=one_of(PLANS),
     params:
-        samples=lambda wildcards: PLANS[wildcards.figure]["samples"],
-        selection=lambda wildcards: PLANS[wildcards.figure],
-        gates=config.get("assignment", {}).get("gates"),
+        samples=lambda wildcards: list(PLANS[wildcards.figure].samples),
+        selection=lambda wildcards: PLANS[wildcards.figure].plain(),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_plan.py"
@@ -44,7 +44,7 @@ rule draw_plan:
 
 if MAPS:
     MAP_NUMBER, MAP = next(iter(MAPS.items()))
-    PLACES = list(read_yaml(Path(WORLD)).get("building", {}).get("positions", {}))
+    PLACES = list(SIMULATED.building.positions)
 
     rule simulate_building:
         input:
@@ -66,17 +66,17 @@ if MAPS:
         input:
             recordings=rules.simulate_building.output.recordings,
             base_map=rules.simulate_building.output.base,
-            base_scanner=SURVEY["base_scanner"],
-            calibration=factory_path(MAP["scanner"]),
-            refined=f"{RESULTS}/parameter_sets/{MAP['scanner']}/{MAP['set']}.csv",
+            base_scanner=SURVEY.base_scanner,
+            calibration=factory_path(MAP.scanner),
+            refined=f"{RESULTS}/parameter_sets/{MAP.scanner}/{MAP.set}.csv",
         output:
             points=f"{RESULTS}/map/points.parquet",
         log:
             f"{RESULTS}/logs/map_building.log",
         params:
             positions=PLACES,
-            parameter_set=MAP["set"],
-            scanner=MAP["scanner"],
+            parameter_set=MAP.set,
+            scanner=MAP.scanner,
         script:
             "../../scripts/map_building.py"
 
@@ -91,7 +91,7 @@ if MAPS:
         log:
             f"{RESULTS}/logs/draw_map.log",
         params:
-            selection=MAP,
+            selection=MAP.plain(),
             simulated=bool(WORLD),
         script:
             "../../scripts/draw_map.py"

@@ -12,8 +12,8 @@
 # The coverage is a property of the configuration and takes minutes: it is not part of `all`;
 # `make coverage` or `snakemake coverage` asks for it.
 
-METHODS = config.get("methods", {})
-METHOD_SAMPLES = [*METHODS.get("calibration", []), *METHODS.get("other", [])]
+METHODS = SETTINGS.methods
+METHOD_SAMPLES = [*METHODS.calibration, *METHODS.other] if METHODS else []
 
 
 METHOD_FILES = expand(
@@ -31,11 +31,11 @@ rule compare_methods:
         surveys=[
             f"{RESULTS}/survey/{position}.json"
             for position, scanner in STUDY.positions.items()
-            if METHODS and scanner == METHODS["scanner"]
+            if METHODS and scanner == METHODS.scanner
         ],
-        calibration=factory_path(METHODS.get("scanner")),
+        calibration=factory_path(METHODS.scanner) if METHODS else [],
         truth=(
-            f"{RESULTS}/simulation/truth/{METHODS['scanner']}.csv"
+            f"{RESULTS}/simulation/truth/{METHODS.scanner}.csv"
             if METHODS and WORLD
             else []
         ),
@@ -49,17 +49,17 @@ rule compare_methods:
     params:
         samples=samples_per_window(METHOD_SAMPLES),
         positions=positions_per_window(METHOD_SAMPLES),
-        calibrate_on=METHODS.get("calibration", []),
-        check_on=METHODS.get("other", []),
-        scanner=METHODS.get("scanner"),
-        adjustment=STUDY.adjustment(METHODS.get("scanner")),
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        calibrate_on=lambda wildcards: list(METHODS.calibration),
+        check_on=lambda wildcards: list(METHODS.other),
+        scanner=lambda wildcards: METHODS.scanner,
+        adjustment=lambda wildcards: STUDY.adjustment(METHODS.scanner).plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
     script:
         "../../scripts/compare_methods.py"
 
 
-if WORLD:
+if WORLD and METHODS:
 
     rule coverage:
         input:
@@ -69,7 +69,7 @@ if WORLD:
         log:
             f"{RESULTS}/logs/coverage.log",
         params:
-            adjustment={name: STUDY.adjustment(name) for name in STUDY.scanners},
-            runs=METHODS.get("runs", 500),
+            adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
+            runs=lambda wildcards: METHODS.runs,
         script:
             "../../scripts/coverage.py"

@@ -1,18 +1,18 @@
 # Outdoor validation: panels at 10 to 35 m, without a survey.
 #
-# in:   recordings of the outdoor sheet, the factory's calibration, every parameter set of the
+# in:   recordings of the outdoor samples, the factory's calibration, every parameter set of the
 #       scanner; the world, for recordings that are simulated
 # out:  {results}/recordings/{outdoor}/ledger.json  what was used, what not and why
-#       {results}/outdoor/{outdoor}.csv             std of s about the plane of every panel, before
-#                                                   and with each set
-#       {results}/outdoor/summary.csv, means.csv    one row per sample; per kind and scanner
+#       {results}/outdoor/{outdoor}.csv             rms of s about the plane of every panel, with
+#                                                   the factory's calibration and each set
+#       {results}/outdoor/summary.csv, means.csv    one row per sample and calibration; their means
 #       {results}/outdoor/facts.csv                 the means as items and values
 #       {results}/figures/figure_NN.{svg,png,csv}   std against distance, all on one scale
 #
 # The recordings are short: index, decoding and planes of one are a single job.
 
-OUTDOOR = config.get("outdoor", {})
-OUTDOOR_FIGURES = OUTDOOR.get("figures", {})
+OUTDOOR = SETTINGS.outdoor
+OUTDOOR_FIGURES = OUTDOOR.figures if OUTDOOR else {}
 
 
 wildcard_constraints:
@@ -39,7 +39,7 @@ if WORLD:
             sample="{outdoor}",
             scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
             scene=lambda wildcards: outdoor_sample(wildcards).scene,
-            rotations=OUTDOOR.get("rotations"),
+            rotations=lambda wildcards: OUTDOOR.rotations,
         script:
             "../../scripts/simulate_outdoor.py"
 
@@ -59,12 +59,12 @@ rule measure_panels:
     log:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
     params:
-        sample=lambda wildcards: vars(outdoor_sample(wildcards)),
-        set_names=lambda wildcards: list(
+        sample=lambda wildcards: outdoor_sample(wildcards).plain(),
+        parameter_sets=lambda wildcards: list(
             STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
         ),
-        boxes=OUTDOOR.get("panels"),
-        fit=OUTDOOR.get("fit"),
+        boxes=lambda wildcards: OUTDOOR.plain()["panels"],
+        fit=lambda wildcards: OUTDOOR.fit.plain(),
     script:
         "../../scripts/measure_panels.py"
 
@@ -97,7 +97,7 @@ rule draw_panels:
     params:
         kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
         scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_panels.py"

@@ -3,13 +3,13 @@
 # in:   recording of a sample (any framing that `velocal inspect` knows)
 # out:  {results}/recordings/{sample}/ledger.json        what was used, what not and why
 #       {results}/recordings/{sample}/rotations.parquet  where every rotation begins
-#       {results}/recordings/{sample}/calibration.xml    where the sheet says `stream`
+#       {results}/recordings/{sample}/calibration.xml    where the sample table says `embedded`
 #       {results}/returns/{sample}/{window}.parquet      returns of the window's rotations
-#       {results}/medians/{sample}/{window}.parquet      median per laser and angle cell
+#       {results}/medians/{sample}/{window}.parquet      median per laser and azimuth bin
 #
 # The whole recording is scanned once; only the rotations of the windows are decoded.
 
-# Samples whose recording holds the calibration of their scanner, as `stream` in the sheet says.
+# Samples whose recording holds the calibration of their scanner, as `embedded` in the sample table says.
 EMBEDDED = [
     name
     for name in STUDY.samples
@@ -60,8 +60,10 @@ rule decode_returns:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
-        which=config["reduction"].get("return", "strongest"),
-        length=config.get("windows", {}).get("rotations"),
+        which=SETTINGS.reduction.which,
+        length=lambda wildcards: (
+            None if wildcards.window == WHOLE else STUDY.windows.rotations
+        ),
     script:
         "../../scripts/decode_returns.py"
 
@@ -77,9 +79,9 @@ rule reduce_medians:
         mem_mb=1200,
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        cell_deg=lambda wildcards: config["reduction"]["cell_deg"].get(
-            sample_of(wildcards).scanner
+        azimuth_bin_ticks=lambda wildcards: SETTINGS.reduction.azimuth_bin_ticks(
+            SCANNERS[sample_of(wildcards).scanner]
         ),
-        min_count=config["reduction"]["min_count"],
+        min_count=SETTINGS.reduction.min_count,
     script:
         "../../scripts/reduce_medians.py"

@@ -1,7 +1,7 @@
 # What people look at.
 #
 # in:   {results}/statistics/*.csv, {results}/residuals, ledgers
-# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}
+# out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
 #       {results}/figures/figure_NN.{svg,png,csv}
 #       {results}/published/agreement.csv    every printed cell beside the reproduced one
 #       {results}/report.html                all of it on one page that needs no network
@@ -12,12 +12,10 @@ HISTOGRAMS = figures_of("histogram")
 
 TABLE_FILES = expand(
     f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
-    table=config.get("tables", {}),
+    table=SETTINGS.tables,
     suffix=("csv", "md", "tex"),
 )
-AGREEMENT = (
-    f"{RESULTS}/published/agreement.csv" if config.get("compare_with_paper") else []
-)
+AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
 
 
 rule make_table:
@@ -31,7 +29,7 @@ rule make_table:
         f"{RESULTS}/logs/make_table/{{table}}.log",
     localrule: True
     params:
-        selection=lambda wildcards: config["tables"][wildcards.table],
+        selection=lambda wildcards: SETTINGS.tables[wildcards.table].plain(),
         simulated=bool(WORLD),
     script:
         "../../scripts/make_table.py"
@@ -39,9 +37,7 @@ rule make_table:
 
 rule compare_with_paper:
     input:
-        tables=expand(
-            f"{RESULTS}/tables/table_{{table}}.csv", table=config.get("tables", {})
-        ),
+        tables=expand(f"{RESULTS}/tables/table_{{table}}.csv", table=SETTINGS.tables),
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",
@@ -68,8 +64,8 @@ rule draw_lasers:
     wildcard_constraints:
         figure=one_of(LASER_FIGURES),
     params:
-        selection=lambda wildcards: LASER_FIGURES[wildcards.figure],
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_lasers.py"
@@ -79,7 +75,7 @@ rule draw_histogram:
     input:
         residuals=lambda wildcards: per_window(
             f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
-            HISTOGRAMS[wildcards.figure]["samples"],
+            HISTOGRAMS[wildcards.figure].samples,
         ),
     output:
         svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
@@ -90,8 +86,8 @@ rule draw_histogram:
     wildcard_constraints:
         figure=one_of(HISTOGRAMS),
     params:
-        selection=lambda wildcards: HISTOGRAMS[wildcards.figure],
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_histogram.py"
@@ -107,14 +103,14 @@ rule write_report:
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),
-        factories=[path for path in STUDY.factories.values() if path != "nominal"],
+        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
         pictures=figure_files(FIGURES, ["png"]),
         numbers=figure_files(FIGURES, ["csv"]),
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
-        field_table=f"{RESULTS}/field/table.csv" if STUDY.field else [],
+        field_table=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],
         field_pictures=expand(
-            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.field
+            f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.unsurveyed
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
@@ -124,13 +120,20 @@ rule write_report:
         f"{RESULTS}/logs/write_report.log",
     localrule: True
     params:
-        title=config["study"],
+        title=SETTINGS.study,
         simulated=bool(WORLD),
-        tables=config.get("tables", {}),
-        figures=FIGURES,
+        tables=SETTINGS.plain()["tables"],
+        figures=SETTINGS.plain()["figures"],
+        samples=[*STUDY.samples, *STUDY.outdoor],
         scanners=list(STUDY.factories),
         factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != "nominal"
+            name for name, path in STUDY.factories.items() if path != NOMINAL
         ],
+        set_scanners=[
+            scanner for scanner, sets in STUDY.parameter_sets.items() for _ in sets
+        ],
+        set_names=[name for sets in STUDY.parameter_sets.values() for name in sets],
+        field_samples=list(STUDY.unsurveyed),
+        outdoor_figures=list(OUTDOOR_FIGURES),
     script:
         "../../scripts/write_report.py"

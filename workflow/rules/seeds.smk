@@ -8,9 +8,9 @@
 # Not part of `all`; `make seeds` asks for it. The same functions as in the rest of the workflow run
 # in one process a seed, on recordings with fewer rotations in a window.
 
-SEEDS = config.get("simulation", {}).get("seeds", {})
+SEEDS = SETTINGS.simulation.seeds if SETTINGS.simulation else None
 
-if WORLD and SEEDS:
+if SEEDS:
 
     rule replicate_study:
         input:
@@ -20,16 +20,15 @@ if WORLD and SEEDS:
         log:
             f"{RESULTS}/logs/replicate_study/{{seed}}.log",
         params:
-            config=config,
-            rotations=SEEDS["rotations"],
-            schemas=str(WORKFLOW / "schemas"),
+            config=SETTINGS.plain(),
+            rotations=SEEDS.rotations,
         script:
             "../../scripts/replicate_study.py"
 
     rule summarise_seeds:
         input:
             replicas=expand(
-                f"{RESULTS}/seeds/{{seed}}.csv", seed=range(1, SEEDS["count"] + 1)
+                f"{RESULTS}/seeds/{{seed}}.csv", seed=range(1, SEEDS.count + 1)
             ),
         output:
             agreement=f"{RESULTS}/seeds/agreement.csv",
@@ -37,7 +36,7 @@ if WORLD and SEEDS:
             f"{RESULTS}/logs/summarise_seeds.log",
         localrule: True
         params:
-            seeds=list(range(1, SEEDS["count"] + 1)),
+            seeds=list(range(1, SEEDS.count + 1)),
         script:
             "../../scripts/summarise_seeds.py"
 
@@ -49,10 +48,9 @@ if WORLD and SEEDS:
         log:
             f"{RESULTS}/logs/tune_world.log",
         params:
-            config=config,
-            rotations=SEEDS["rotations"],
+            config=SETTINGS.plain(),
+            rotations=SEEDS.rotations,
             seeds=2,
             iterations=2,
-            schemas=str(WORKFLOW / "schemas"),
         script:
             "../../scripts/tune_world.py"

@@ -27,7 +27,7 @@ if WORLD:
         params:
             scanner=lambda wildcards: sample_of(wildcards).scanner,
             position=lambda wildcards: sample_of(wildcards).position,
-            rotations=config["simulation"]["rotations"],
+            rotations=SETTINGS.simulation.rotations,
         script:
             "../../scripts/simulate_recording.py"
 

@@ -1,6 +1,6 @@
 # From observations or surveyed targets to the planes in the frame of a scanner.
 #
-# in:   observations (points, sights, image rays, readings), or survey files: targets of the planes
+# in:   observations (points, polar and image observations, repeated coordinates), or survey files: targets of the planes
 #       and of the scanner's base in the field frame, targets of the base in the scanner frame
 # out:  {results}/survey/{control,planes,base_field,base_scanner}.csv   adjusted from observations
 #       {results}/survey/covariance.json  of all coordinates of a base, and of the planes
@@ -10,24 +10,24 @@
 #       {results}/survey/{position}.json   transformation T_scanner_field with covariance and
 #       residuals; planes with covariance, flatness and corners, in the scanner frame
 
-SURVEY = STUDY.survey_files(f"{RESULTS}/survey")
+SURVEY, OBSERVATIONS = STUDY.coordinates, STUDY.observations
 SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
 
-if STUDY.observations:
+if OBSERVATIONS:
 
     rule adjust_network:
         input:
-            points=STUDY.observations["points"],
-            network=STUDY.observations["network"],
-            images=STUDY.observations.get("images", []),
-            base_sights=STUDY.observations["base_sights"],
-            base_readings=STUDY.observations["base_readings"],
+            points=OBSERVATIONS.points,
+            network=OBSERVATIONS.polar,
+            images=OBSERVATIONS.images or [],
+            base_sights=OBSERVATIONS.base_polar,
+            base_readings=OBSERVATIONS.base_coordinates,
         output:
             control=f"{RESULTS}/survey/control.csv",
-            planes=SURVEY["planes"],
-            base_field=SURVEY["base_field"],
-            base_scanner=SURVEY["base_scanner"],
-            covariance=SURVEY["covariance"],
+            planes=SURVEY.planes,
+            base_field=SURVEY.base_site,
+            base_scanner=SURVEY.base_scanner,
+            covariance=f"{RESULTS}/survey/covariance.json",
             quality=f"{RESULTS}/survey/network.json",
             accuracy=f"{RESULTS}/survey/network.csv",
         log:
@@ -51,10 +51,10 @@ if STUDY.observations:
 
 rule adjust_survey:
     input:
-        planes=SURVEY.get("planes", []),
-        base_scanner=SURVEY.get("base_scanner", []),
-        base_field=SURVEY.get("base_field", []),
-        covariance=SURVEY.get("covariance", []),
+        planes=SURVEY.planes if SURVEY else [],
+        base_scanner=SURVEY.base_scanner if SURVEY else [],
+        base_field=SURVEY.base_site if SURVEY else [],
+        covariance=f"{RESULTS}/survey/covariance.json" if OBSERVATIONS else [],
     output:
         survey=f"{RESULTS}/survey/{{position}}.json",
     log:
@@ -62,6 +62,6 @@ rule adjust_survey:
     localrule: True
     params:
         scanner=lambda wildcards: STUDY.positions[wildcards.position],
-        names=config.get("assignment", {}).get("planes"),
+        names=lambda wildcards: list(STUDY.assignment.planes),
     script:
         "../../scripts/adjust_survey.py"

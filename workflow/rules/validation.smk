@@ -27,7 +27,7 @@ rule residuals_calibration:
         f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        sigma_cm=config.get("validation", {}).get("sigma_cm"),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
     script:
         "../../scripts/residuals_calibration.py"
 
@@ -48,11 +48,11 @@ rule residuals_validation:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        set_names=lambda wildcards: list(
+        parameter_sets=lambda wildcards: list(
             STUDY.parameter_sets[sample_of(wildcards).scanner]
         ),
-        gates=config.get("assignment", {}).get("gates"),
-        validation=config.get("validation"),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
+        validation=lambda wildcards: STUDY.validation.plain(),
     script:
         "../../scripts/residuals_validation.py"
 

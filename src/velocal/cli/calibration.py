@@ -243,7 +243,7 @@ def diff(
     console.print(f"{note[0].upper()}{note[1:]}.")
     if picture or csv:
         from velocal.reporting.figures.calibration import difference_table, draw_differences
-        from velocal.reporting.figures.lasers import save
+        from velocal.reporting.style import save
 
         if csv:
             write_csv(csv, difference_table(at, apart), digits=4)

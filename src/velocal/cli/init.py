@@ -26,7 +26,7 @@ def init(
         Path, typer.Option(help="Checkout of velocal that holds the workflow.", show_default=False)
     ] = CHECKOUT,
 ) -> None:
-    """Write a ready folder for a study of your own: configuration, sheets, survey templates."""
+    """Write a ready folder for your own study: configuration, sample table, survey templates."""
     known = scanner_named(scanner, where="--scanner")
     for path in write_study(folder, known, positions, checkout / "workflow/Snakefile"):
         print(f"wrote {path}")

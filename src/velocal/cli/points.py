@@ -155,7 +155,7 @@ def _draw(
 ) -> None:
     """Draw the points of the first few rotations before and after."""
     from velocal.points.picture import before_and_after
-    from velocal.reporting.figures.lasers import save  # matplotlib takes a second to load
+    from velocal.reporting.style import save  # matplotlib takes a second to load
 
     assert settings.before is not None
     some = chosen[:PICTURE_ROTATIONS]

@@ -25,6 +25,17 @@ STATES = ("factory", "refined")
 def scanner_pose(base_map: Targets, base_scanner: Targets, *, where: str) -> RigidTransformation:
     """``T_map_scanner`` of a position from the targets on the scanner's base, in both frames.
 
+    Parameters
+    ----------
+    base_map, base_scanner : Targets
+        Targets on the base of the scanner, in the frame of the map and in that of the scanner.
+    where : str
+        File, for errors.
+
+    Returns
+    -------
+    RigidTransformation
+
     Raises
     ------
     SurveyError
@@ -138,6 +149,10 @@ def section(xyz: Mapping[str, Array], box: Mapping[str, Sequence[float]], name: 
     name : str
         For the error.
 
+    Returns
+    -------
+    Section
+
     Raises
     ------
     VelocalError
@@ -179,6 +194,10 @@ def summary_table(
     columns : mapping of str to ndarray
         Of `schemas.MAP`.
     sections : mapping of str to Section
+
+    Returns
+    -------
+    dict of str to list of str
     """
     # As text: counts have no decimals.
     values = {

@@ -1,6 +1,6 @@
 """Methods of adjustment side by side: those of the literature, the paper's, and ours.
 
-Every method ("arm") gets the same medians, the same survey and the same factory parameters; its
+Every method gets the same medians, the same survey and the same factory parameters; its
 result is judged on the data that it was adjusted on, on another position, and against the truth
 where there is one.
 """
@@ -48,7 +48,7 @@ _ERRORS = {"dl": ("dl_error_cm", 1e2), "alpha": ("alpha_error_deg", 180 / np.pi)
 
 
 @dataclass(frozen=True)
-class Arm:
+class Method:
     """One method.
 
     Attributes
@@ -84,53 +84,53 @@ class Arm:
 _PAPER, _OURS = "Zalud et al. 2015", "velocal"
 #: Keys of the method that is the default, and of the paper's as it is printed.
 DEFAULT, PRINTED = "prior", "paper"
-ARMS = (
-    Arm("factory", "factory values", "manufacturer", "nothing is adjusted", ()),
-    Arm(
+METHODS = (
+    Method("factory", "factory values", "manufacturer", "nothing is adjusted", ()),
+    Method(
         "dl", "dl only", "common practice",
         "one distance correction per laser, weighted", ("dl",), GaussHelmert(),
     ),
-    Arm(
+    Method(
         "dl_alpha", "dl + alpha", "common practice",
         "what vertical walls determine well, weighted", ("dl", "alpha"), GaussHelmert(),
     ),
-    Arm(
+    Method(
         "one_wall", "one wall, several distances", "Muhammad and Lacroix 2010",
         "least squares on the long wall alone, all positions of the study jointly",
         solver=OrdinaryLeastSquares(), planes="one wall", joint=True,
     ),
-    Arm(
+    Method(
         "planes_unknown", "planes unknown, range scale", "Glennie and Lichti 2010",
         "lasers and planes together, no survey; means of alpha and scale as datum",
         ("dl", "alpha", "v", "scale"), joint=True, planes_unknown=True,
     ),
-    Arm(
+    Method(
         "gauss_helmert", "Gauss-Helmert", "textbook",
         "weighted, no prior, truncated at machine precision", solver=GaussHelmert(),
     ),
-    Arm(
+    Method(
         PRINTED, "the paper as printed", _PAPER,
         "pseudo-inverse at machine precision, walls only",
         solver=PaperModel(truncate_at=None), planes="walls",
     ),
-    Arm(
+    Method(
         "paper_truncated", "the paper, truncated", _PAPER + ", velocal",
         "directions are held that the prior knows better, walls only",
         solver=PaperModel(truncate_at=1.0), planes="walls",
     ),
-    Arm(
+    Method(
         "prior_walls", "with prior, walls only", _OURS,
         "weighted, the factory's values as observations", solver=WithPrior(), planes="walls",
     ),
-    Arm(
+    Method(
         DEFAULT, "with prior (default)", _OURS,
         "weighted, the factory's values as observations", solver=WithPrior(),
     ),
-    Arm(
+    Method(
         "huber", "with prior, robust", _OURS,
         "the same with Huber's weights", solver=Robust(base=WithPrior(), kind="huber"),
     ),
-    Arm(
+    Method(
         "prior_joint", "with prior, positions jointly", _OURS,
         "the same on all positions of the study together", solver=WithPrior(), joint=True,
     ),
@@ -154,7 +154,7 @@ class SampleData:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an arm has found.
+    """What a method has found.
 
     Attributes
     ----------
@@ -170,8 +170,8 @@ class Estimate:
     unconverged: int = 0
 
 
-def run_arm(
-    arm: Arm,
+def run_method(
+    method: Method,
     calibration: Sequence[SampleData],
     other: Sequence[SampleData],
     factory: LaserParameters,
@@ -181,16 +181,25 @@ def run_arm(
 
     Parameters
     ----------
-    arm : Arm
+    method : Method
     calibration, other : sequence of SampleData
         Samples to calibrate on, and of another position. Methods that adjust positions jointly
-        take the same window of all of them together, and every so many-th median of a laser, so
-        that they have about as many as the others.
+        take the same window of all of them together, and of n samples every n-th median of a
+        laser, so that they have about as many medians as the others.
     factory : LaserParameters
     stochastic : Stochastic
         With a prior for dl, alpha and v.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    VelocalError
+        If a method adjusts samples jointly that do not have as many windows each.
     """
-    if not arm.parameters:
+    if not method.parameters:
         return Estimate(factory)
     # Neither the survey's uncertainty nor correlation enters any estimate.
     stochastic = replace(
@@ -199,9 +208,12 @@ def run_arm(
         survey=(),
         prior_std={"scale": SCALE_STD, **stochastic.prior_std},
     )
-    if not arm.joint:
+    if not method.joint:
         samples = [
-            [_adjusted(arm, _seen(arm, window, 0), factory, stochastic) for window in each.windows]
+            [
+                _adjusted(method, _seen(method, window, 0), factory, stochastic)
+                for window in each.windows
+            ]
             for each in calibration
         ]
     else:
@@ -216,15 +228,15 @@ def run_arm(
         wall = _largest_wall(everything)
         windows = []
         for parts in zip(*(each.windows for each in everything), strict=True):
-            data = joined([_thinned(_seen(arm, part, wall), len(parts)) for part in parts])
+            data = joined([_thinned(_seen(method, part, wall), len(parts)) for part in parts])
             of_part = np.array([positions.index(each.position) for each in everything])
             data = replace(data, station=of_part[data.station_number])
-            windows.append(_adjusted(arm, data, factory, stochastic))
+            windows.append(_adjusted(method, data, factory, stochastic))
         samples = [windows]
     mean = average(
         [
             # Only positions of noise would matter, and there are no covariances here.
-            Member(str(number), "", CalibrationSet(arm.parameters, factory, x, seen))
+            Member(str(number), "", CalibrationSet(method.parameters, factory, x, seen))
             for number, windows in enumerate(samples)
             for x, seen, _ in windows
         ]
@@ -234,21 +246,21 @@ def run_arm(
 
 
 def _adjusted(
-    arm: Arm, data: Observations, factory: LaserParameters, stochastic: Stochastic
+    method: Method, data: Observations, factory: LaserParameters, stochastic: Stochastic
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Corrections (lasers, u), which lasers have observations, which have converged."""
     seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
-    if arm.planes_unknown:
+    if method.planes_unknown:
         number = data.station_number * (int(data.plane_number.max()) + 1) + data.plane_number
         group = np.unique(number, return_inverse=True)[1]
-        joint = adjust_joint(data, group, factory, arm.parameters, stochastic)
+        joint = adjust_joint(data, group, factory, method.parameters, stochastic)
         return joint.corrections, seen, np.full(len(factory), joint.converged)
-    assert arm.solver is not None
+    assert method.solver is not None
     results = adjust_all(
         data,
         factory,
-        arm.parameters,
-        arm.solver,
+        method.parameters,
+        method.solver,
         stochastic,
         max_iterations=MAX_ITERATIONS,
     )
@@ -264,11 +276,11 @@ def _of_walls(data: Observations) -> NDArray[np.bool_]:
     return np.abs(data.normal[:, 2]) < WALL
 
 
-def _seen(arm: Arm, data: Observations, wall: int) -> Observations:
-    if arm.planes == "all":
+def _seen(method: Method, data: Observations, wall: int) -> Observations:
+    if method.planes == "all":
         return data
     walls = _of_walls(data)
-    return data.take(walls & (data.plane_number == wall) if arm.planes == "one wall" else walls)
+    return data.take(walls & (data.plane_number == wall) if method.planes == "one wall" else walls)
 
 
 def _largest_wall(samples: Sequence[SampleData]) -> int:
@@ -284,21 +296,21 @@ def _thinned(data: Observations, every: int) -> Observations:
 
 
 def evaluate(
-    arm: Arm,
+    method: Method,
     estimate: Estimate,
     calibration: Sequence[SampleData],
     other: Sequence[SampleData],
     sigma_m: float,
     truth: LaserParameters | None = None,
 ) -> dict[str, Any]:
-    """Judge what an arm has found.
+    """Judge what a method has found.
 
     Parameters
     ----------
-    arm : Arm
+    method : Method
     estimate : Estimate
     calibration, other : sequence of SampleData
-        All arms are judged on all planes of them, whatever they were adjusted on.
+        All methods are judged on all planes of them, whatever they were adjusted on.
     sigma_m : float
         Standard deviation of the datasheet, metres.
     truth : LaserParameters or None
@@ -307,29 +319,29 @@ def evaluate(
     Returns
     -------
     dict
-        ``{data}_std_cm``: mean over the lasers of the root mean square of s, mean of the
-        windows; ``{data}_walls_std_cm``: the same on walls only, which is what the paper looks
+        ``{data}_rms_cm``: mean over the lasers of the root mean square of s, mean of the
+        windows; ``{data}_walls_rms_cm``: the same on walls only, which is what the paper looks
         at; ``{data}_within_1sigma_pct``: share of |s| below the datasheet's sigma;
-        ``other_seen``: whether the arm was adjusted on the other position too; errors: root mean
+        ``other_seen``: whether the method was adjusted on the other position too; errors: root mean
         square over the lasers; ``v_far_off``: lasers with an error of v above 1 deg.
     """
     row: dict[str, Any] = {
-        "arm": arm.key,
-        "name": arm.name,
-        "reference": arm.reference,
-        "description": arm.description,
-        "planes": arm.planes,
-        "parameters": " ".join(arm.parameters),
-        "other_seen": int(arm.joint),
+        "method": method.key,
+        "name": method.name,
+        "reference": method.reference,
+        "description": method.description,
+        "planes": method.planes,
+        "parameters": " ".join(method.parameters),
+        "other_seen": int(method.joint),
         "unconverged": estimate.unconverged,
     }
     for label, samples in (("calibration", calibration), ("other", other)):
         windows = [window for each in samples for window in each.windows]
-        std, walls_std, share = np.mean(
+        rms, walls_rms, share = np.mean(
             [_statistics(w, estimate, sigma_m) for w in windows], axis=0
         )
-        row[f"{label}_std_cm"] = float(std) * 1e2
-        row[f"{label}_walls_std_cm"] = float(walls_std) * 1e2
+        row[f"{label}_rms_cm"] = float(rms) * 1e2
+        row[f"{label}_walls_rms_cm"] = float(walls_rms) * 1e2
         row[f"{label}_within_1sigma_pct"] = float(share) * 1e2
     if truth is not None:
         row |= errors(estimate.parameters, truth)
@@ -366,15 +378,33 @@ def compare(
     sigma_m: float,
     truth: LaserParameters | None = None,
 ) -> list[dict[str, Any]]:
-    """Run and judge all arms; see `run_arm` and `evaluate`."""
+    """Run and judge all methods; see `run_method` and `evaluate`.
+
+    Parameters
+    ----------
+    calibration, other : sequence of SampleData
+        Samples to calibrate on, and of another position.
+    factory : LaserParameters
+    stochastic : Stochastic
+        With a prior for dl, alpha and v.
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+    truth : LaserParameters, optional
+        Against which errors are taken.
+
+    Returns
+    -------
+    list of dict
+        Rows of `evaluate`, in the order of `METHODS`.
+    """
     return [
         evaluate(
-            arm,
-            run_arm(arm, calibration, other, factory, stochastic),
+            method,
+            run_method(method, calibration, other, factory, stochastic),
             calibration,
             other,
             sigma_m,
             truth,
         )
-        for arm in ARMS
+        for method in METHODS
     ]

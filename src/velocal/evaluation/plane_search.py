@@ -1,12 +1,13 @@
 """Search for planes in the points of a recording.
 
-Random planes through neighbouring points compete (RANSAC). A plane must be one connected, thin
-sheet as seen from the scanner; a slice through a hedge is neither.
+Random planes through neighbouring points compete (RANSAC). The points of a plane must form one
+connected, thin cluster as seen from the scanner; a slice through a hedge is neither connected nor
+thin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from velocal.evaluation.planes_in_data import (
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
+from velocal.study.config import Box
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -39,18 +41,28 @@ NEIGHBOURHOOD = 0.15
 #: Share of the points within 3 distances of a found plane that must lie within half a distance:
 #: 1/6 where points fill a volume, up to 1/2 where the plane cuts through other surfaces.
 MIN_THINNESS = 0.6
-#: The distance must be at least so many standard deviations of a found plane's points.
+#: The distance must be at least this multiple of the standard deviation of a plane's points.
 STD_IN_DISTANCE = 3.0
-#: Width of the cells in which connectedness is examined.
+#: Width of the grid cells in which connectedness is examined.
 CELL_RAD = np.deg2rad(0.6)
-#: Rounds in which a sheet may grow.
+#: Rounds in which a cluster may grow.
 ROUNDS = 10
 
 
-def planes_of(
-    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]] | None, search: Search
-) -> Found:
-    """Fit planes to patches where there are any, or find them."""
+def planes_of(cloud: Cloud, patches: Mapping[str, Box] | None, search: Search) -> Found:
+    """Fit planes to patches where there are any, or find them.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    patches : mapping of str to Box, or None
+        Boxes by name, as in `patch_points`.
+    search : Search
+
+    Returns
+    -------
+    Found
+    """
     return fit_patches(cloud, patches, search) if patches else find_planes(cloud, search)
 
 
@@ -64,14 +76,15 @@ def find_planes(cloud: Cloud, search: Search) -> Found:
         found = finder.largest(f"plane{len(planes) + 1}", free, rng)
         if found is None:
             break
-        plane, sheet = found
+        plane, cluster = found
         planes.append(plane)
-        free[sheet] = False
+        free[cluster] = False
     if planes:
         return planes, []
     return [], [
-        f"no plane found: among {len(cloud.xyz)} points no connected sheet of {search.min_points} "
-        f"points of {MIN_LASERS} lasers lies within {search.distance_m * 100:g} cm of a plane"
+        f"no plane found: among {len(cloud.xyz)} points no connected cluster of "
+        f"{search.min_points} points of {MIN_LASERS} lasers lies within "
+        f"{search.distance_m * 100:g} cm of a plane"
     ]
 
 
@@ -85,7 +98,21 @@ class _Finder:
     def largest(
         self, name: str, free: NDArray[np.bool_], rng: np.random.Generator
     ) -> tuple[FieldPlane, Rows] | None:
-        """One round: the largest sheet of free points near one of many random planes."""
+        """Find the largest cluster of free points near one of many random planes.
+
+        Parameters
+        ----------
+        name : str
+            Of the plane.
+        free : ndarray of bool, shape (n,)
+            Points that no plane has yet.
+        rng : Generator
+
+        Returns
+        -------
+        (FieldPlane, ndarray of int) or None
+            The plane and the cluster that it was fitted to; None without any.
+        """
         search = self.search
         xyz = self.cloud.xyz[free]
         some = xyz[rng.choice(len(xyz), size=min(SAMPLE, len(xyz)), replace=False)]
@@ -101,24 +128,24 @@ class _Finder:
                 seeds[index], 0.5 * search.extent_m, return_sorted=True
             )
             guess = Plane(normals[index], float(offsets[index]), np.zeros((4, 4)))
-            sheet = self._sheet(np.array(around), free, guess)
-            if sheet is None or (best is not None and len(sheet) <= len(best[1])):
+            cluster = self._cluster(np.array(around), free, guess)
+            if cluster is None or (best is not None and len(cluster) <= len(best[1])):
                 continue
             try:
-                plane = fit_robustly(name, self.cloud, sheet, search)
+                plane = fit_robustly(name, self.cloud, cluster, search)
             except SurveyError:
                 continue
             if STD_IN_DISTANCE * np.std(plane.fit.residuals) <= search.distance_m:
-                best = plane, sheet
+                best = plane, cluster
         return best
 
-    def _sheet(self, around: Rows, free: NDArray[np.bool_], plane: Plane) -> Rows | None:
-        """Grow the largest connected sheet near a plane that is refitted on the way.
+    def _cluster(self, around: Rows, free: NDArray[np.bool_], plane: Plane) -> Rows | None:
+        """Grow the largest connected cluster near a plane that is refitted on the way.
 
-        None if it is too small, or if it is no sheet: too many points lie before or behind it.
+        None if it is too small, or if it is not thin: too many points lie before or behind it.
         """
         cloud, limit = self.cloud, self.search.distance_m
-        sheet = around[:0]
+        cluster = around[:0]
         for _ in range(ROUNDS):
             apart = np.abs(plane.distance(cloud.xyz[around]))
             steep = cloud.incidence(around, plane) <= self.search.incidence_rad
@@ -126,16 +153,16 @@ class _Finder:
             grown = self.grid.largest_cluster(near)
             if len(grown) < self.search.min_points:
                 return None
-            if np.array_equal(grown, sheet):
+            if np.array_equal(grown, cluster):
                 break
-            sheet = grown
+            cluster = grown
             try:
-                plane = fit_plane(cloud.xyz[sheet]).plane
+                plane = fit_plane(cloud.xyz[cluster]).plane
             except SurveyError:
                 return None
-        core = np.count_nonzero(np.abs(plane.distance(cloud.xyz[sheet])) <= 0.5 * limit)
-        wide = steep & (apart <= 3.0 * limit) & self.grid.same_cells(sheet, around)
-        return sheet if core >= MIN_THINNESS * np.count_nonzero(wide) else None
+        core = np.count_nonzero(np.abs(plane.distance(cloud.xyz[cluster])) <= 0.5 * limit)
+        wide = steep & (apart <= 3.0 * limit) & self.grid.same_cells(cluster, around)
+        return cluster if core >= MIN_THINNESS * np.count_nonzero(wide) else None
 
 
 def _random_planes(xyz: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -181,7 +208,7 @@ class _Grid:
         return np.asarray(occupied[self.cell[others]])
 
     def largest_cluster(self, rows: Rows) -> Rows:
-        """Those rows whose cells hang together, the most of them; a gap of one cell is none."""
+        """Rows of the largest connected cluster of cells; one empty cell does not break it."""
         if not len(rows):
             return rows
         cells, of = np.unique(self.cell[rows], return_inverse=True)

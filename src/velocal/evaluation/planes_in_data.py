@@ -1,7 +1,7 @@
 """Recordings without a survey: planes fitted to the data, and how flat each laser sees them.
 
 Trimming compares a return with its own laser only, so that the errors of the lasers, which are
-what is looked for, stay in. `field_search` finds planes where nobody says where they are.
+what is looked for, stay in. `plane_search` finds planes where nobody says where they are.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.functional import misclosure
 from velocal.errors import SurveyError
-from velocal.evaluation.statistics import statistics_table, summary_row
+from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import Box, PanelFit, PlaneSearch
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-#: Lasers that a plane must be seen by, as two or three lines do not fix one.
+#: Lasers that must see a plane: two or three lines do not determine one.
 MIN_LASERS = 4
 #: Trimming: limit in robust standard deviations, largest number of rounds.
 TRIM_AT, ROUNDS = 3.0, 10
@@ -77,9 +78,37 @@ class Cloud(Beams):
         return np.arccos(np.minimum(np.abs(self.direction[rows] @ plane.normal), 1.0))
 
 
-@dataclass(frozen=True)
-class Search:
+@dataclass(frozen=True, kw_only=True)
+class PlaneLimits:
     """What counts as a plane.
+
+    Attributes
+    ----------
+    min_points : int
+        Points that a plane must have.
+    incidence_rad : float
+        Largest angle between beam and normal.
+    min_lasers : int
+        Lasers that must see a plane.
+    """
+
+    min_points: int
+    incidence_rad: float
+    min_lasers: int = MIN_LASERS
+
+    @classmethod
+    def from_fit(cls, fit: PanelFit) -> PlaneLimits:
+        """Limits out of the configuration's `outdoor: fit`."""
+        return PlaneLimits(
+            min_points=fit.min_points,
+            incidence_rad=float(np.deg2rad(fit.incidence_deg)),
+            min_lasers=fit.min_lasers,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search(PlaneLimits):
+    """How planes are looked for, and what counts as one.
 
     Attributes
     ----------
@@ -89,34 +118,25 @@ class Search:
         Points of a found plane lie within this distance of it.
     extent_m : float
         Largest diameter of a found plane; what is flat over metres is not over a whole street.
-    min_points : int
-        Points that a plane must have.
-    incidence_rad : float
-        Largest angle between beam and normal.
     seed : int
         Seed of the random search.
-    min_lasers : int
-        Lasers that must see a plane.
     """
 
     planes: int
     distance_m: float
     extent_m: float
-    min_points: int
-    incidence_rad: float
     seed: int
-    min_lasers: int = MIN_LASERS
 
     @classmethod
-    def from_config(cls, search: Mapping[str, Any]) -> Search:
-        """Search out of the configuration's `field: search`."""
+    def from_config(cls, search: PlaneSearch) -> Search:
+        """Search out of the configuration's `unsurveyed: search`."""
         return cls(
-            planes=search["planes"],
-            distance_m=search["distance_cm"] * 1e-2,
-            extent_m=search["extent_m"],
-            min_points=search["min_points"],
-            incidence_rad=float(np.deg2rad(search["incidence_deg"])),
-            seed=search["seed"],
+            planes=search.planes,
+            distance_m=search.distance_cm * 1e-2,
+            extent_m=search.extent_m,
+            min_points=search.min_points,
+            incidence_rad=float(np.deg2rad(search.incidence_deg)),
+            seed=search.seed,
         )
 
 
@@ -154,33 +174,42 @@ class FieldPlane:
         return float(np.arccos(min(1.0, abs(self.fit.plane.normal[2]))))
 
 
-#: Planes, and what else there is to say: why there is none.
+#: Planes, and messages that say why there is none.
 Found = tuple[list[FieldPlane], list[str]]
 
 
-def patch_points(xyz: Array, box: Mapping[str, Sequence[float]]) -> Rows:
-    """Rows of the points, shape (n, 3), inside a box: `x_m`, `y_m`, `z_m`, each from and to."""
+def patch_points(xyz: Array, box: Box) -> Rows:
+    """Rows of the points, shape (n, 3), inside a box."""
     inside = np.ones(len(xyz), dtype=bool)
-    for axis, name in enumerate(("x_m", "y_m", "z_m")):
-        low, high = sorted(box[name])
+    for axis, (low, high) in enumerate((box.x_m, box.y_m, box.z_m)):
         inside &= (xyz[:, axis] >= low) & (xyz[:, axis] <= high)
     return np.flatnonzero(inside)
 
 
-def fit_patches(
-    cloud: Cloud, patches: Mapping[str, Mapping[str, Sequence[float]]], search: Search
-) -> Found:
-    """Fit a plane to the points in each box; a box without a plane becomes a finding."""
+def fit_patches(cloud: Cloud, patches: Mapping[str, Box], limits: PlaneLimits) -> Found:
+    """Fit a plane to the points in each box; a box without a plane becomes a finding.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    patches : mapping of str to Box
+        Boxes by name, as in `patch_points`.
+    limits : PlaneLimits
+
+    Returns
+    -------
+    Found
+    """
     planes, findings = [], []
     for name, box in patches.items():
         try:
-            planes.append(fit_robustly(name, cloud, patch_points(cloud.xyz, box), search))
+            planes.append(fit_robustly(name, cloud, patch_points(cloud.xyz, box), limits))
         except SurveyError as error:
             findings.append(f"{name}: {error}")
     return planes, findings
 
 
-def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPlane:
+def fit_robustly(name: str, cloud: Cloud, rows: Rows, limits: PlaneLimits) -> FieldPlane:
     """Fit a plane to rows of a cloud without its outliers and without grazing returns.
 
     A return is an outlier if it is further from the median of its laser than three robust
@@ -195,9 +224,9 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPl
     keep = steep = np.ones(len(rows), dtype=bool)
     _, laser = np.unique(cloud.laser_id[rows], return_inverse=True)
     for _ in range(ROUNDS):
-        _check_size(cloud, rows[keep], search)
+        _check_size(cloud, rows[keep], limits)
         plane = fit_plane(cloud.xyz[rows[keep]]).plane
-        steep = cloud.incidence(rows, plane) <= search.incidence_rad
+        steep = cloud.incidence(rows, plane) <= limits.incidence_rad
         used = keep & steep
         s = cloud.s(rows, plane)
         centre = _medians(s, laser, used)[laser]
@@ -211,7 +240,7 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPl
             break
         keep = changed
     chosen = rows[keep]
-    _check_size(cloud, chosen, search)
+    _check_size(cloud, chosen, limits)
     fit = fit_plane(cloud.xyz[chosen])
     return FieldPlane(
         name,
@@ -224,12 +253,12 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, search: Search) -> FieldPl
     )
 
 
-def _check_size(cloud: Cloud, rows: Rows, search: Search) -> None:
+def _check_size(cloud: Cloud, rows: Rows, limits: PlaneLimits) -> None:
     lasers = len(np.unique(cloud.laser_id[rows]))
-    if len(rows) < search.min_points or lasers < search.min_lasers:
+    if len(rows) < limits.min_points or lasers < limits.min_lasers:
         raise SurveyError(
             f"{len(rows)} points of {lasers} lasers",
-            allowed=f"{search.min_points} points of {search.min_lasers} lasers, or more",
+            allowed=f"{limits.min_points} points of {limits.min_lasers} lasers, or more",
         )
 
 
@@ -254,10 +283,14 @@ def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, 
         The points that it was fitted in.
     sigma_m : float
         Standard deviation of the datasheet, metres.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (lasers that see the plane,)
     """
     laser_id, n_lasers = cloud.laser_id[plane.rows], len(cloud.parameters)
-    columns = statistics_table({}, {plane.name: plane.s}, laser_id, n_lasers, sigma_m)
-    columns["plane"] = columns.pop("calibration")
+    heading = {"plane": plane.name}
+    columns = statistics_columns(heading, plane.s, laser_id, n_lasers, sigma_m)
     seen = columns["count"] > 0
     return {name: column[seen] for name, column in columns.items()}
 
@@ -279,6 +312,10 @@ def plane_row(
         Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
     tick_m : float
         One raw tick.
+
+    Returns
+    -------
+    dict
     """
     summary = summary_row(lasers)
     often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]
@@ -291,8 +328,8 @@ def plane_row(
         "range_m": plane.range_m,
         "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
         "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
+        "rms_cm": summary["rms_cm"],
         "std_cm": summary["std_cm"],
-        "mean_std_cm": summary["mean_std_cm"],
         "pooled_rms_cm": summary["pooled_rms_cm"],
         "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
         "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,

@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from velocal.errors import VelocalError
+from velocal.adjustment.lasers import Observations
+from velocal.evaluation.candidates import IDENTITY, Candidate
 
 Array = NDArray[np.float64]
 
+#: Columns that say which residuals a row of statistics is of.
+KEYS = ("scanner", "sample", "window", "data", *IDENTITY)
 #: Significance of the variance tests.
 ALPHA = 0.05
 
@@ -62,6 +65,10 @@ def laser_statistics(
         Number of lasers of the scanner.
     sigma_m : float
         Standard deviation of the datasheet, metres.
+
+    Returns
+    -------
+    LaserStatistics
     """
 
     def total(values: NDArray[Any]) -> Array:
@@ -82,7 +89,8 @@ def laser_statistics(
             count=count,
             rms_m=np.sqrt(square / count),
             mean_m=mean,
-            std_m=np.sqrt(about_mean / (count - 1)),
+            # Without residuals the quotient is -0: a laser that nobody saw is not exact.
+            std_m=np.where(count > 0, np.sqrt(about_mean / (count - 1)), np.nan),
             within_1sigma=total(size < sigma_m) / count,
             within_3sigma=total(size < 3.0 * sigma_m) / count,
             complies_zero=zero & (count > 0),
@@ -110,35 +118,71 @@ _COLUMNS = {
 }
 
 
-def statistics_table(
+def statistics_columns(
     heading: Mapping[str, str],
-    residuals: Mapping[str, Array],
+    s: Array,
     laser_id: NDArray[np.integer],
     n_lasers: int,
     sigma_m: float,
-) -> dict[str, Array]:
-    """Statistics as columns of a table, a row per calibration and laser, in cm and per cent.
+) -> dict[str, NDArray[Any]]:
+    """Statistics as columns of a table, a row per laser, in centimetres and per cent.
 
     Parameters
     ----------
     heading : mapping of str to str
         Columns that are the same in every row.
-    residuals : mapping of str to ndarray, shape (n,)
-        Residuals by calibration: "before", "after" or the name of a parameter set.
-    laser_id, n_lasers, sigma_m
+    s, laser_id, n_lasers, sigma_m
         As for `laser_statistics`.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n_lasers,)
+        The heading, ``laser_id``, ``count``, ``rms_cm`` (about zero), ``mean_cm``, ``std_cm``
+        (about the mean), shares and tests.
     """
-    columns: dict[str, list[Any]] = {name: [] for name in (*heading, "calibration", "laser_id")}
-    columns |= {name: [] for name in ("count", *_COLUMNS)}
-    for calibration, s in residuals.items():
-        lasers = laser_statistics(s, laser_id, n_lasers, sigma_m)
-        for name, value in {**heading, "calibration": calibration}.items():
-            columns[name].append(np.full(n_lasers, value))
-        columns["laser_id"].append(np.arange(n_lasers))
-        columns["count"].append(lasers.count)
-        for name, (attribute, factor) in _COLUMNS.items():
-            columns[name].append(getattr(lasers, attribute) * factor)
-    return {name: np.concatenate(parts) for name, parts in columns.items()}
+    lasers = laser_statistics(s, laser_id, n_lasers, sigma_m)
+    return {
+        **{name: np.full(n_lasers, value) for name, value in heading.items()},
+        "laser_id": np.arange(n_lasers),
+        "count": lasers.count,
+        **{name: getattr(lasers, of) * factor for name, (of, factor) in _COLUMNS.items()},
+    }
+
+
+def statistics_table(
+    heading: Mapping[str, str],
+    candidates: Sequence[Candidate],
+    data: Observations,
+    sigma_m: float,
+) -> dict[str, NDArray[Any]]:
+    """Statistics of the same observations with several calibrations, below each other.
+
+    Parameters
+    ----------
+    heading : mapping of str to str
+        Columns that are the same in every row.
+    candidates : sequence of Candidate
+        Calibrations of one scanner.
+    data : Observations
+    sigma_m : float
+        Standard deviation of the datasheet, metres.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (candidates * lasers,)
+        Columns of `statistics_columns`, with `IDENTITY` in the heading.
+    """
+    parts = [
+        statistics_columns(
+            {**heading, **each.identity},
+            data.misclosure(each.parameters),
+            data.laser_id,
+            len(each.parameters),
+            sigma_m,
+        )
+        for each in candidates
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
@@ -147,17 +191,17 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
     Parameters
     ----------
     lasers : mapping of str to array, shape (lasers,)
-        Columns of `statistics_table` for one window and calibration.
+        Columns of `statistics_columns` for one window and calibration.
 
     Returns
     -------
     dict
-        ``std_cm``: mean over lasers of the root mean square about zero, which is what the
-        tables print. ``pooled_rms_cm`` and ``mean_std_cm``: the two other readings of "standard
-        deviation", the root mean square of all residuals and the mean over lasers of the
-        standard deviation about the laser's mean. Shares of all residuals within one and three
-        sigmas; lasers whose variance is significantly below sigma^2; lasers with residuals and
-        number of residuals. NaN where there are none.
+        ``rms_cm``: mean over the lasers of the root mean square about zero, which is what the
+        paper's tables print as "standard deviation". ``pooled_rms_cm``: root mean square of all
+        residuals. ``std_cm``: mean over the lasers of the standard deviation about the mean of
+        the laser. Shares of all residuals within one and three sigmas; lasers whose variance is
+        significantly below sigma^2; lasers with residuals and number of residuals. NaN where
+        there are none.
     """
     column = {name: np.asarray(lasers[name], dtype=float) for name in ("count", *_COLUMNS)}
     seen = column["count"] > 0
@@ -172,9 +216,9 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
         return float(np.nanmean(values))
 
     return {
-        "std_cm": mean("rms_cm"),
+        "rms_cm": mean("rms_cm"),
         "pooled_rms_cm": mean("rms_cm", weighted=True, power=2) ** 0.5,
-        "mean_std_cm": mean("std_cm"),
+        "std_cm": mean("std_cm"),
         "within_1sigma_pct": mean("within_1sigma_pct", weighted=True),
         "within_3sigma_pct": mean("within_3sigma_pct", weighted=True),
         "complies_zero": int(column["complies_zero"].sum()),
@@ -182,76 +226,3 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
         "lasers": int(seen.sum()),
         "count": int(weight.sum()),
     }
-
-
-def mean_std_of_sets(
-    summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str]
-) -> dict[str, float]:
-    """Mean of ``std_cm`` of every parameter set over the single scans of some samples.
-
-    Parameters
-    ----------
-    summary : mapping of str to ndarray
-        Columns of the summary: one row per sample, window, data and calibration.
-    scanner : str
-    samples : sequence of str
-        Whose rows count, all windows of them.
-
-    Returns
-    -------
-    dict of str to float
-        In the order of the summary; NaN where a window has no residuals.
-
-    Raises
-    ------
-    VelocalError
-        If there is no set, or sets were not validated on the same windows.
-    """
-    rows = (summary["data"] == "validation") & (summary["scanner"] == scanner)
-    rows &= np.array([str(name) in samples for name in summary["sample"]], dtype=bool)
-    rows &= summary["calibration"] != "before"
-    calibration, std_cm = summary["calibration"][rows], summary["std_cm"][rows].astype(float)
-    names = [str(name) for name in dict.fromkeys(calibration)]
-    counts = {name: int(np.sum(calibration == name)) for name in names}
-    if not names or len(set(counts.values())) > 1:
-        raise VelocalError(
-            f"{scanner}, samples {', '.join(samples)}: "
-            + ("no parameter set was validated" if not names else f"windows per set are {counts}"),
-            where="statistics",
-            allowed="one or more sets, each validated on the same windows",
-        )
-    return {name: float(np.mean(std_cm[calibration == name])) for name in names}
-
-
-def best_set(summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str]) -> str:
-    """Name of the parameter set that tables and figures of validation show as "after".
-
-    It is the one of least mean ``std_cm`` over all windows of the samples, the first of equals.
-    The paper shows its best set per table in the same way. It is chosen on the validation data
-    themselves, so its numbers are a little better than those of a set chosen beforehand.
-
-    Raises
-    ------
-    VelocalError
-        As `mean_std_of_sets`, or if no set has residuals in every window.
-    """
-    means = mean_std_of_sets(summary, scanner, samples)
-    finite = {name: mean for name, mean in means.items() if np.isfinite(mean)}
-    if not finite:
-        raise VelocalError(
-            f"{scanner}, samples {', '.join(samples)}: a window without residuals",
-            where="statistics",
-            hint="No return of it was assigned to a plane: look at assignment.gates.",
-        )
-    return min(finite, key=lambda name: finite[name])
-
-
-def calibration_after(
-    summary: Mapping[str, NDArray[Any]], scanner: str, samples: Sequence[str], data: str
-) -> str:
-    """Value of ``calibration`` in the rows that are shown as "after".
-
-    Medians (`data` "calibration") have their own window's adjustment, single scans
-    ("validation") the best set.
-    """
-    return "after" if data == "calibration" else best_set(summary, scanner, samples)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -254,8 +254,19 @@ def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
     return facts
 
 
-def read_csv(path: Path) -> dict[str, np.ndarray[Any, Any]]:
+def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, Any]]:
     """Read a CSV of our own into one array per column.
+
+    Parameters
+    ----------
+    path : Path
+    text : sequence of str
+        Columns, as far as there are such, that hold names: they are read as they stand, also where
+        a name looks like a number or like a missing value.
+
+    Returns
+    -------
+    dict of str to ndarray
 
     Raises
     ------
@@ -264,6 +275,9 @@ def read_csv(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """
     try:
         table = pd.read_csv(path)
+        names = [name for name in table.columns if name in text]
+        if names:
+            table[names] = pd.read_csv(path, usecols=names, dtype=str, na_filter=False)[names]
     except (OSError, ValueError) as error:
         raise StorageError(f"cannot be read: {error}", where=str(path)) from None
     return {str(name): table[name].to_numpy() for name in table.columns}

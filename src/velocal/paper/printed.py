@@ -1,24 +1,23 @@
-"""The paper's printed numbers, and how close a study comes to them.
+"""The paper's printed numbers: its tables, the numbers in its text, and their tolerances.
 
 The paper is Zalud, Kocmanova, Burian, Jilek, Kalvoda, Kopecny, "Effective Calibration and
 Evaluation of Parameters in a 3D Proximity Rotating Scanner" (Elektronika ir Elektrotechnika,
-2015). ``data/tables.csv`` holds Tables II to V as printed. Its recordings were never
-published: on simulated recordings agreement shows that the simulator was calibrated well, and
-nothing else.
+2015). ``data/tables.csv`` holds Tables II to V as printed, ``data/statements.csv`` the numbers in
+its text, each with a tolerance of its own.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from velocal.errors import VelocalError
+_FOLDER = Path(__file__).parent / "data"
+TABLES, STATEMENTS = _FOLDER / "tables.csv", _FOLDER / "statements.csv"
 
-PRINTED = Path(__file__).parent / "data" / "tables.csv"
+#: What the item of a statement begins with in the agreement.
+PREFIX = "text "
 
 #: Quantities of a table, and how far a reproduced one may be from the printed one: some three
 #: seeds' standard deviations of the simulated world for std, less for the shares.
@@ -59,9 +58,6 @@ CONTRADICTIONS = {
     ),
 }
 
-#: Columns of `agreement`.
-COLUMNS = ("item", "paper", "reproduced", "difference", "tolerance", "within")
-
 
 @dataclass(frozen=True)
 class PrintedRow:
@@ -101,7 +97,7 @@ class PrintedRow:
 
 def printed_rows() -> list[PrintedRow]:
     """Tables II to V as printed, row by row."""
-    table = pd.read_csv(PRINTED)
+    table = pd.read_csv(TABLES)
     return [
         PrintedRow(
             table=str(row["table"]),
@@ -115,105 +111,20 @@ def printed_rows() -> list[PrintedRow]:
     ]
 
 
-def agreement(summary: pd.DataFrame, tables: pd.DataFrame) -> pd.DataFrame:
-    """Compare every printed cell with the reproduced one.
-
-    Parameters
-    ----------
-    summary : DataFrame
-        Statistics of all windows: the numbers are taken from here, with all their digits.
-    tables : DataFrame
-        Reproduced Tables II to V, one below the other: they say which numbers are shown.
-
-    Returns
-    -------
-    DataFrame
-        One row per printed row and quantity, columns `COLUMNS`. Numbers have three decimals, and
-        `within` is what they say: "true" if the difference is not larger than the tolerance.
-
-    Raises
-    ------
-    VelocalError
-        If a printed row has no counterpart, or the tables do not show numbers of the summary.
-    """
-    sources = sources_of(summary, tables)
-    cells: list[dict[str, Any]] = []
-    for row in printed_rows():
-        source = sources.get((row.table, row.calibration), {})
-        found = source.get((row.scanner, row.reproduced_sample, row.window))
-        if found is None or not all(np.isfinite(found[name]) for name in TOLERANCES):
-            raise VelocalError(
-                f"nothing is reproduced for {row.item('').strip()!r}",
-                where=f"table {row.table}",
-                allowed=f"a row of {row.scanner}, sample {row.reproduced_sample}, "
-                f"window {row.window}, with residuals",
-                hint="The paper's Tables II to V need its own samples sa1 to sa6 and tables 2 to "
-                "5; in a study of your own leave out compare_with_paper.",
-            )
-        for quantity, tolerance in TOLERANCES.items():
-            cells.append(
-                judged(row.item(quantity), row.values[quantity], found[quantity], tolerance)
-            )
-    return pd.DataFrame(cells, columns=list(COLUMNS))
+def printed_statements() -> pd.DataFrame:
+    """Statements as printed: item, what, where, paper, unit, tolerance, tolerance_of_mean."""
+    return pd.read_csv(STATEMENTS, comment="#")
 
 
-def judged(item: str, paper: float, reproduced: float, tolerance: float) -> dict[str, Any]:
-    """Row of the agreement: numbers with three decimals, and the verdict that they give."""
-    reproduced = round(reproduced, 3)
-    difference = round(reproduced - paper, 3) + 0.0  # no -0.0
-    within = "true" if abs(difference) <= tolerance else "false"
-    values = (item, paper, reproduced, difference, tolerance, within)
-    return dict(zip(COLUMNS, values, strict=True))
-
-
-Source = dict[tuple[str, str, str], dict[str, float]]
-
-
-def sources_of(summary: pd.DataFrame, tables: pd.DataFrame) -> dict[tuple[str, str], Source]:
-    """Statistics that the rows of the reproduced tables show.
-
-    Parameters
-    ----------
-    summary, tables : DataFrame
-        As for `agreement`.
-
-    Returns
-    -------
-    dict
-        By table ("II" to "V") and calibration ("before", "after"): all numbers of the summary, by
-        scanner, sample and window.
-    """
-    return {
-        (str(table), str(calibration)): _source(summary, rows, str(table), str(calibration))
-        for (table, calibration), rows in tables.groupby(["table", "calibration"])
+def tolerances_of_mean() -> dict[str, float]:
+    """By item of the agreement, how far the mean over many seeds may be from the printed one."""
+    rows = printed_statements()
+    cells = {
+        row.item(quantity): tolerance
+        for row in printed_rows()
+        for quantity, tolerance in TOLERANCES_OF_MEAN.items()
     }
-
-
-def _source(summary: pd.DataFrame, rows: pd.DataFrame, table: str, calibration: str) -> Source:
-    """Numbers behind the rows of a table before or after, by scanner, sample and window.
-
-    A table says "after" and not which parameter set that is: it is the calibration of the summary
-    whose rounded numbers the rows show.
-    """
-    keys = ["scanner", "sample", "window"]
-    quantities = list(TOLERANCES)
-    shown = rows.set_index(keys)[quantities].astype(float)
-    candidates = summary[summary["data"] == DATA.get(table, "")]
-    candidates = candidates[(candidates["calibration"] == "before") == (calibration == "before")]
-    for _, group in candidates.groupby("calibration", sort=False):
-        numbers = group.set_index(keys).drop(columns=["data", "calibration"]).astype(float)
-        same = numbers.reindex(shown.index)
-        # Tables round to 0.01 cm and 0.1 %.
-        close = [0.0051, 0.051, 0.051]
-        names = [str(name) for name in same]
-        if np.allclose(same[quantities], shown, rtol=0.0, atol=close, equal_nan=True):
-            return {
-                # Names of samples may look like numbers.
-                (str(key[0]), str(key[1]), str(key[2])): dict(zip(names, values, strict=True))
-                for key, values in zip(shown.index, same.to_numpy().tolist(), strict=True)
-            }
-    raise VelocalError(
-        f"the rows {calibration!r} do not show numbers of the statistics",
-        where=f"table {table}",
-        hint="The table was made from other statistics; make it again.",
-    )
+    return cells | {
+        PREFIX + str(item): float(tolerance)
+        for item, tolerance in zip(rows["item"], rows["tolerance_of_mean"], strict=True)
+    }

@@ -15,18 +15,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from velocal.adjustment import settings
 from velocal.adjustment.average import Member, average
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.result import CalibrationSet
+from velocal.evaluation.candidates import Candidate, Role, with_sets
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
-from velocal.paper import printed as published
-from velocal.paper import statements, tables
+from velocal.paper import agreement as comparison
+from velocal.paper import tables
+from velocal.paper.printed import tolerances_of_mean
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.assignment import COLUMNS, Limits, assigned_rows, first_rotations
+from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
 from velocal.reduction.medians import binned_medians
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS, Scanner
@@ -35,7 +36,9 @@ from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
-from velocal.study.config import Sample, Study
+from velocal.study.config import Reduction
+from velocal.study.samples import SurveyedSample
+from velocal.study.study import Study
 from velocal.survey.network.survey import Survey, adjust_field_book
 
 Columns = dict[str, NDArray[Any]]
@@ -52,6 +55,11 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
         Samples, parameter sets and settings.
     rotations : int
         Rotations of a window; the configuration's are not used.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `statistics_table`.
     """
     parts: list[pd.DataFrame] = []
     survey = adjust_field_book(field_book(world))
@@ -61,17 +69,28 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
 
 
 def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
-    """Cells of the tables and the statements that follow from them, beside the printed ones."""
+    """Cells of the tables and the statements that follow from them, beside the printed ones.
+
+    Parameters
+    ----------
+    world, study, rotations
+        As for `lasers`.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `paper.agreement`.
+    """
     summary = tables.summarised(lasers(world, study, rotations))
-    shown = pd.concat(
-        tables.formatted(tables.build(number, selection, summary, simulated=True).frame)
-        for number, selection in study.config["tables"].items()
+    every = pd.concat(
+        [
+            tables.formatted(tables.build(number, table.plain(), summary, simulated=True).frame)
+            for number, table in study.config.tables.items()
+        ]
     )
-    found = statements.of_tables(published.sources_of(summary, shown))
-    return pd.concat(
-        [published.agreement(summary, shown), statements.agreement(found, partial=True)],
-        ignore_index=True,
-    )
+    shown = comparison.statistics_shown(summary, every)
+    said = comparison.of_statements(comparison.said_by_tables(shown), partial=True)
+    return pd.concat([comparison.of_cells(shown), said], ignore_index=True)
 
 
 def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
@@ -90,7 +109,7 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
     """
     values = pd.DataFrame({s: each.set_index("item")["reproduced"] for s, each in replicas.items()})
     first = next(iter(replicas.values())).set_index("item").loc[values.index]
-    tolerance = np.array([statements.tolerances_of_mean()[item] for item in values.index])
+    tolerance = np.array([tolerances_of_mean()[item] for item in values.index])
     mean = values.mean(axis=1)
     difference = (mean - first["paper"]).round(3)
     return pd.DataFrame(
@@ -112,47 +131,43 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
 def _of_scanner(
     world: World, study: Study, survey: Survey, scanner: str, rotations: int
 ) -> Iterator[pd.DataFrame]:
-    config, known = study.config, SCANNERS[scanner]
+    known = SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
-    limits = Limits.from_config(config["assignment"]["gates"])
-    sigma_m = config["validation"]["sigma_cm"] * 1e-2
-    settled = study.adjustment(scanner)
+    limits = study.assignment.limits.metric()
+    sigma_m = study.validation.sigma_cm * 1e-2
+    adjustment = study.adjustment(scanner)
     adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
     for sample in [s for s in study.surveyed.values() if s.scanner == scanner]:
-        position = str(sample.position)
+        position = sample.position
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
-        planes = config["assignment"]["planes"]
-        station = survey.station(scanner, position, planes, where="replica")
-        stochastic = settings.stochastic(settled, [station.uncertainty()])
+        station = survey.station(scanner, position, study.assignment.planes, where="replica")
+        stochastic = adjustment.stochastic([station.uncertainty()])
         for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
-            medians = _medians(returns, config["reduction"], known)
+            medians = _medians(returns, study.config.reduction, known)
             beams = Beams.from_ticks(medians, known, rate_hz)
             rows = assigned_rows(beams, factory, station.patches, limits)
             data = station.observations(rows)
             results = adjust_all(
-                data, factory, settled["parameters"], settings.solver(settled), stochastic
+                data, factory, adjustment.parameters, adjustment.solver(), stochastic
             )
             found = CalibrationSet.from_adjustments(results, factory)
             member = Member(sample.name, position, found)
             adjustments.setdefault(sample.name, []).append(member)
-            s = {
-                "before": data.misclosure(factory),
-                "after": data.misclosure(found.adjusted),
-            }
-            yield _table(heading, "calibration", s, data.laser_id, known, sigma_m)
-            scan = first_rotations(returns, config["validation"]["rotations"])
+            pair = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, found.adjusted)]
+            heading |= {"data": "calibration"}
+            yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
+            scan = first_rotations(returns, study.validation.rotations)
             beams = Beams.from_ticks(scan, known, rate_hz)
             rows = assigned_rows(beams, factory, station.patches, limits)
             scans[sample.name, window] = station.observations(rows)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
-        heading = {"scanner": scanner, "sample": name, "window": window}
-        s = {kind: data.misclosure(parameters) for kind, parameters in sets.items()}
-        yield _table(heading, "validation", s, data.laser_id, known, sigma_m)
+        heading = {"scanner": scanner, "sample": name, "window": window, "data": "validation"}
+        yield pd.DataFrame(statistics_table(heading, with_sets(factory, sets), data, sigma_m))
 
 
 def _sets(
@@ -161,41 +176,29 @@ def _sets(
     factory: LaserParameters,
     adjustments: dict[str, list[Member]],
 ) -> dict[str, LaserParameters]:
-    weights = study.config["adjustment"].get("average", "equal")
-    sets = {"before": factory}
+    weights = study.average
+    sets = {}
     for name, samples in study.parameter_sets[scanner].items():
         members = [member for sample in samples for member in adjustments[sample]]
         sets[name] = average(members, weights).adjusted
     return sets
 
 
-def _table(
-    heading: dict[str, str],
-    data: str,
-    s: dict[str, NDArray[np.float64]],
-    laser_id: NDArray[np.integer],
-    known: Scanner,
-    sigma_m: float,
-) -> pd.DataFrame:
-    columns = statistics_table(heading | {"data": data}, s, laser_id, known.n_lasers, sigma_m)
-    return pd.DataFrame(columns)
-
-
-def _medians(returns: Columns, reduction: Mapping[str, Any], known: Scanner) -> Columns:
+def _medians(returns: Columns, reduction: Reduction, known: Scanner) -> Columns:
     """Reduce to medians; a bin may hold a single return, as there are fewer rotations."""
     reduced = binned_medians(
         returns["azimuth"],
         returns["laser_id"],
         returns["distance"],
         lasers_per_firing=known.lasers_per_firing,
-        bin_ticks=known.azimuth_bin(reduction["cell_deg"].get(known.name)),
+        bin_ticks=reduction.azimuth_bin_ticks(known),
         min_count=1,
     )
     return asdict(reduced)
 
 
 def _windows(
-    world: World, sample: Sample, known: Scanner, rotations: int, shots: capture.Shots
+    world: World, sample: SurveyedSample, known: Scanner, rotations: int, shots: capture.Shots
 ) -> Iterator[tuple[str, Columns, float]]:
     """Returns of every window and the rotation rate, decoded from a recording."""
     with TemporaryDirectory() as folder:
@@ -203,7 +206,7 @@ def _windows(
         # Some rotations lie between the windows, as in the study's recordings.
         length = 3 * rotations + rotations // 3 + 2
         blocks = capture.records(
-            world, known.name, str(sample.position), sample.name, length, shots=shots
+            world, known.name, sample.position, sample.name, length, shots=shots
         )
         storage.write_blocks(recording, blocks)
         index = inspect(recording).index

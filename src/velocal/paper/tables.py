@@ -9,17 +9,23 @@ from typing import Any
 import pandas as pd
 
 from velocal.errors import ConfigError, VelocalError
-from velocal.evaluation.statistics import calibration_after, mean_std_of_sets, summary_row
-from velocal.study.config import WINDOWS
+from velocal.evaluation.statistics import KEYS, summary_row
+from velocal.io.markup import latex_tabular, latex_text, markdown_table
+from velocal.paper.best_set import BEFORE, Shown, shown_after
+from velocal.study.samples import WINDOWS
 
 #: Number of a table as the paper writes it.
 ROMAN = {"2": "II", "3": "III", "4": "IV", "5": "V"}
 
-#: Columns of the numbers and their decimals.
+#: Columns of the numbers, their decimals, and the statistics that they show. What the paper calls
+#: standard deviation is the root mean square about zero.
 DECIMALS = {"std_cm": 2, "within_1sigma_pct": 1, "within_3sigma_pct": 1}
+STATISTICS = {**{name: name for name in DECIMALS}, "std_cm": "rms_cm"}
 
-#: Columns of the CSV.
-COLUMNS = ("table", "scanner", "sample", "window", "calibration", *DECIMALS)
+#: Columns of the CSV: those of the paper, then which calibration a row shows.
+COLUMNS = (
+    "table", "scanner", "sample", "window", "calibration", *DECIMALS, "role", "parameter_set",
+)  # fmt: skip
 
 #: Said beside every table and figure of a simulated study.
 SIMULATED = "The recordings are simulated: the authors of the paper never published theirs."
@@ -41,6 +47,7 @@ _HEADINGS = {
     "within_1sigma_pct": "Within 1 sigma [%]",
     "within_3sigma_pct": "Within 3 sigma [%]",
 }
+_NUMERIC = [column in DECIMALS for column in _HEADINGS]
 
 
 @dataclass(frozen=True)
@@ -66,11 +73,21 @@ class Table:
 
 
 def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
-    """Reduce the statistics of all lasers to one row per window, data and calibration."""
-    keys = ["scanner", "sample", "window", "data", "calibration"]
+    """Reduce the statistics of all lasers to one row per window, data and calibration.
+
+    Parameters
+    ----------
+    lasers : DataFrame
+        Columns of `statistics_table`.
+
+    Returns
+    -------
+    DataFrame
+        Columns `KEYS` and those of `summary_row`.
+    """
     rows = [
-        {**dict(zip(keys, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
-        for key, group in lasers.groupby(keys, sort=False)
+        {**dict(zip(KEYS, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
+        for key, group in lasers.groupby(list(KEYS), sort=False)
     ]
     return pd.DataFrame(rows)
 
@@ -91,6 +108,10 @@ def build(
     simulated : bool
         Whether the recordings are simulated.
 
+    Returns
+    -------
+    Table
+
     Raises
     ------
     VelocalError
@@ -100,54 +121,56 @@ def build(
         raise ConfigError(f"no table {number!r}", where="tables", allowed=", ".join(ROMAN))
     scanner, data = str(selection["scanner"]), str(selection["data"])
     samples = [str(sample) for sample in selection["samples"]]
-    columns = {str(name): summary[name].to_numpy() for name in summary}
-    after = calibration_after(columns, scanner, samples, data)
+    after = shown_after(summary, scanner, samples, data, f"tables.{number}")
     of_data = summary[(summary["scanner"] == scanner) & (summary["data"] == data)]
-    rows = {
-        (str(row["calibration"]), str(row["sample"]), str(row["window"])): row
-        for row in of_data.to_dict(orient="records")
-    }
     records = []
-    for calibration, shown in {"before": "before", "after": after}.items():
+    for calibration, shown in (("before", BEFORE), ("after", after)):
+        rows = {
+            (row["sample"], row["window"]): row
+            for row in shown.rows(of_data).to_dict(orient="records")
+        }
         for sample in samples:
             for window in WINDOWS:
-                found = rows.get((shown, sample, window))
+                found = rows.get((sample, window))
                 if found is None:
                     raise VelocalError(
                         f"no statistics of {scanner}, sample {sample!r}, window {window!r}, "
-                        f"{data} data, calibration {shown!r}",
+                        f"{data} data, {calibration} calibration",
                         where=f"tables.{number}",
                         allowed="samples of that scanner: "
-                        + ", ".join(dict.fromkeys(map(str, of_data["sample"]))),
+                        + ", ".join(dict.fromkeys(of_data["sample"])),
                     )
-                values = {name: float(found[name]) for name in DECIMALS}
-                key = (ROMAN[number], scanner, sample, window, calibration)
-                records.append({**dict(zip(COLUMNS, key, strict=False)), **values})
+                records.append(
+                    {
+                        "table": ROMAN[number],
+                        "scanner": scanner,
+                        "sample": sample,
+                        "window": window,
+                        "calibration": calibration,
+                        **{name: float(found[of]) for name, of in STATISTICS.items()},
+                        "role": shown.role.value,
+                        "parameter_set": shown.parameter_set,
+                    }
+                )
     return Table(
         ROMAN[number],
         pd.DataFrame(records, columns=list(COLUMNS)),
         f"{scanner}, {data} data ({DATA[data]}): residuals s before and after calibration.",
-        (
-            _after_note(columns, scanner, samples, data, after),
-            QUANTITIES,
-            *([SIMULATED] if simulated else []),
-        ),
+        (_after_note(after), QUANTITIES, *([SIMULATED] if simulated else [])),
     )
 
 
-def _after_note(
-    columns: Mapping[str, Any], scanner: str, samples: list[str], data: str, after: str
-) -> str:
+def _after_note(after: Shown) -> str:
     before = "Before: the factory's parameters. "
-    if data == "calibration":
+    if not after.parameter_set:
         return before + "After: the parameters adjusted on the window itself."
-    means = mean_std_of_sets(columns, scanner, samples)
-    if len(means) == 1:
-        return before + f"After: parameter set {after}, the only one."
-    listed = ", ".join(f"{name} {mean:.2f} cm" for name, mean in means.items())
+    if len(after.means_cm) == 1:
+        return before + f"After: parameter set {after.parameter_set}, the only one."
+    listed = ", ".join(f"{name} {mean:.2f} cm" for name, mean in after.means_cm.items())
     return before + (
-        f"After: parameter set {after}, that of least mean standard deviation over the rows of "
-        f"this table ({listed}). It is chosen on the validation data themselves, as in the paper."
+        f"After: parameter set {after.parameter_set}, that of least mean standard deviation over "
+        f"the rows of this table ({listed}). It is chosen on the validation data themselves, as in "
+        "the paper."
     )
 
 
@@ -161,51 +184,34 @@ def formatted(frame: pd.DataFrame) -> pd.DataFrame:
     return text
 
 
+def _cells(table: Table) -> list[list[str]]:
+    rows: list[list[str]] = formatted(table.frame)[list(_HEADINGS)].to_numpy().tolist()
+    return rows
+
+
 def to_markdown(table: Table) -> str:
     """Table as Markdown with caption and notes."""
     lines = [f"**Table {table.number}.** {table.caption}", ""]
-    lines.append("| " + " | ".join(_HEADINGS.values()) + " |")
-    lines.append("|" + "|".join("---:" if c in DECIMALS else "---" for c in _HEADINGS) + "|")
-    for row in formatted(table.frame)[list(_HEADINGS)].to_numpy().tolist():
-        lines.append("| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |")
-    lines += ["", *(part for note in table.notes for part in (note, ""))]
-    return "\n".join(lines).rstrip("\n") + "\n"
-
-
-_LATEX_SPECIAL = {
-    "\\": r"\textbackslash{}",
-    **{character: f"\\{character}" for character in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-}
-
-
-def _latex(text: str) -> str:
-    return "".join(_LATEX_SPECIAL.get(character, character) for character in text)
+    lines += markdown_table(list(_HEADINGS.values()), _cells(table), _NUMERIC)
+    return "\n".join([*lines, "", "\n\n".join(table.notes)]) + "\n"
 
 
 def to_latex(table: Table) -> str:
     """Table as a LaTeX ``table`` for the package booktabs, with caption and notes."""
-    alignment = "".join("r" if column in DECIMALS else "l" for column in _HEADINGS)
-    headings = " & ".join(_latex(heading) for heading in _HEADINGS.values())
-    rows = formatted(table.frame)[list(_HEADINGS)].to_numpy().tolist()
-    half = len(rows) // 2
+    headings = [
+        latex_text(each).replace("1 sigma", r"$1\sigma$").replace("3 sigma", r"$3\sigma$")
+        for each in _HEADINGS.values()
+    ]
+    rows = _cells(table)
     lines = [
         "% needs \\usepackage{booktabs}",
         r"\begin{table}",
         r"\centering",
-        rf"\caption{{{_latex(table.caption)}}}",
+        rf"\caption{{{latex_text(table.caption)}}}",
         rf"\label{{tab:velocal-{table.number}}}",
-        rf"\begin{{tabular}}{{{alignment}}}",
-        r"\toprule",
-        headings.replace("1 sigma", r"$1\sigma$").replace("3 sigma", r"$3\sigma$") + r" \\",
-        r"\midrule",
+        *latex_tabular(headings, rows, _NUMERIC, block=len(rows) // 2),
+        "",
+        rf"{{\raggedright\footnotesize {latex_text(' '.join(table.notes))}\par}}",
+        r"\end{table}",
     ]
-    for number, row in enumerate(rows):
-        if number == half:
-            lines.append(r"\midrule")
-        lines.append(" & ".join(_latex(str(cell)) for cell in row) + r" \\")
-    lines += [r"\bottomrule", r"\end{tabular}", ""]
-    lines += [rf"{{\raggedright\footnotesize {_latex(' '.join(table.notes))}\par}}"]
-    lines += [r"\end{table}"]
     return "\n".join(lines) + "\n"

@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from velocal.paper.printed import CONTRADICTIONS
 from velocal.paper.replicate import agreement, spread
 from velocal.simulation.world import load
-from velocal.study.config import Study
+from velocal.study.study import Study
 
 #: Step of the numerical derivatives, as a share of the constant: well above what the rounding of
 #: the tables and the choice of the best set do.
@@ -52,6 +52,19 @@ def misfit(
     """Difference of every cell's mean over seeds from the printed one, by its tolerance.
 
     Cells that contradict the rest of the paper are left out.
+
+    Parameters
+    ----------
+    content : mapping
+        Content of the world file.
+    study : Study
+    seeds : sequence of int
+    rotations : int
+        Of a window.
+
+    Returns
+    -------
+    ndarray, shape (cells,)
     """
     world = load(content)
     cells = spread({s: agreement(replace(world, seed=s), study, rotations) for s in seeds})

@@ -12,7 +12,7 @@ from velocal.arrays import Array
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
 from velocal.geometry.planes import fit_plane
-from velocal.reporting.figures.lasers import style
+from velocal.reporting.style import style
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
 

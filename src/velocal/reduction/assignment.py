@@ -39,23 +39,6 @@ class Limits:
     edge_m: float = 0.05
     incidence_rad: float = float(np.deg2rad(80.0))
 
-    @classmethod
-    def from_config(cls, gates: Mapping[str, float]) -> Limits:
-        """Take limits out of the configuration.
-
-        Parameters
-        ----------
-        gates : mapping of str to float
-            `distance_cm`, `edge_cm` and `incidence_deg`.
-
-        Returns
-        -------
-        Limits
-        """
-        return cls(
-            gates["distance_cm"] * 1e-2, gates["edge_cm"] * 1e-2, np.deg2rad(gates["incidence_deg"])
-        )
-
 
 def assign(
     beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits

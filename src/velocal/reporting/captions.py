@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from velocal.evaluation.interior_map import STATES
-from velocal.reporting.figures.lasers import TITLES
+from velocal.reporting.figures.per_laser import TITLES, name_after
 from velocal.reporting.figures.plan import MEDIANS
 
 
@@ -21,8 +21,12 @@ def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
     selection : mapping
         Entry of the configuration.
     numbers : DataFrame
-        Those of the figure, see `figures.per_laser`, `figures.histogram`, `plan_figure.plan` and
-        `map_figure.section_table`.
+        Those of the figure, see `per_laser.per_laser`, `histogram.histogram`, `plan.plan` and
+        `interior_map.section_table`.
+
+    Returns
+    -------
+    str
     """
     if selection["kind"] == "map":
         return _map_caption(selection, numbers)
@@ -41,11 +45,11 @@ def caption(selection: Mapping[str, Any], numbers: pd.DataFrame) -> str:
             f"Residuals s of laser {selection['laser']} before and after calibration ({of_what}; "
             "all windows together, same bins and axes)."
         )
-    after = numbers.loc[numbers["calibration"] == "after", "parameters"].iloc[0]
     with_what = (
         "the parameters adjusted on each window itself"
-        if after == "adjusted"
-        else f"parameter set {after}, that of least mean standard deviation over these samples"
+        if selection["data"] == "calibration"
+        else f"parameter set {name_after(numbers)}, that of least mean standard deviation over "
+        "these samples"
     )
     what = TITLES[str(selection["kind"])]
     about = "Root mean square about zero" if selection["kind"] == "std" else "Of all residuals"

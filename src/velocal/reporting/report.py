@@ -1,7 +1,7 @@
 """The report: everything a study has found on one page of HTML that needs no network.
 
-Every section is optional: a study without a survey has ledgers and field samples only. The page
-holds no time and no path of the machine, so that identical results give identical bytes.
+Every section is optional: a study without a survey has ledgers and planes found in the data only.
+The page holds no time and no path of the machine, so that identical results give identical bytes.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ import numpy as np
 import pandas as pd
 
 from velocal.calibration.files import formats
+from velocal.evaluation.candidates import IDENTITY
+from velocal.evaluation.statistics import KEYS
 from velocal.io import provenance, storage
-from velocal.paper import agreement_section
+from velocal.paper import agreement
 from velocal.paper.printed import CONTRADICTIONS, READING, TOLERANCES, printed_rows
-from velocal.paper.tables import DECIMALS, ROMAN, build, formatted
+from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
-from velocal.reporting.figures import methods as comparison
-from velocal.reporting.figures import panels as outdoor_figure
+from velocal.reporting.figures import methods, panels
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
@@ -88,10 +89,12 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG by field sample.
-    methods : tuple
-        Numbers of the comparison of methods, or None, and its picture.
-    outdoor : tuple
-        Means of the outdoor validation, or None, and its figures by number.
+    methods : (DataFrame, bytes) or None
+        Numbers of the comparison of methods, and its picture.
+    outdoor : DataFrame or None
+        Means of the outdoor validation.
+    outdoor_pictures : mapping of str to bytes
+        PNG of its figures, by number.
     """
 
     title: str
@@ -106,34 +109,76 @@ class Study:
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
-    methods: tuple[pd.DataFrame | None, bytes] = (None, b"")
-    outdoor: tuple[pd.DataFrame | None, Mapping[str, bytes]] = field(
-        default_factory=lambda: (None, {})
-    )
+    methods: tuple[pd.DataFrame, bytes] | None = None
+    outdoor: pd.DataFrame | None = None
+    outdoor_pictures: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Files:
+    """Files of a study, each with what it is of; whatever is missing has no section.
+
+    Attributes
+    ----------
+    ledgers : mapping of str to Path
+        JSON, by sample.
+    figures : mapping of str to (Path, Path)
+        Picture (PNG) and numbers (CSV), by number.
+    summary, agreement : Path or None
+        CSV.
+    surveys : sequence of Path
+        JSON of every position.
+    sets : mapping of (str, str) to Path
+        CSV, by scanner and name of the parameter set.
+    factories : mapping of str to (Path or None)
+        The factory's calibration by scanner; None for nominal values.
+    methods : (Path, Path) or None
+        Picture and numbers of the comparison of methods.
+    field_table : Path or None
+        CSV of the planes in recordings without a survey.
+    field_pictures : mapping of str to Path
+        PNG, by sample.
+    outdoor : Path or None
+        CSV of the means.
+    outdoor_pictures : mapping of str to Path
+        PNG, by number of the figure.
+    """
+
+    ledgers: Mapping[str, Path] = field(default_factory=dict)
+    figures: Mapping[str, tuple[Path, Path]] = field(default_factory=dict)
+    summary: Path | None = None
+    agreement: Path | None = None
+    surveys: Sequence[Path] = ()
+    sets: Mapping[tuple[str, str], Path] = field(default_factory=dict)
+    factories: Mapping[str, Path | None] = field(default_factory=dict)
+    methods: tuple[Path, Path] | None = None
+    field_table: Path | None = None
+    field_pictures: Mapping[str, Path] = field(default_factory=dict)
+    outdoor: Path | None = None
+    outdoor_pictures: Mapping[str, Path] = field(default_factory=dict)
 
 
 def read(
-    files: Mapping[str, Sequence[Path]],
+    files: Files,
     *,
     title: str,
     simulated: bool,
     tables: Mapping[str, Mapping[str, Any]],
     figures: Mapping[str, Mapping[str, Any]],
-    factories: Mapping[str, str],
 ) -> Study:
     """Read what a study has found.
 
     Parameters
     ----------
-    files : mapping of str to sequence of Path
-        By kind: ``ledgers``, ``figures``, ``agreement``, ``summary``, ``surveys``, ``sets``,
-        ``field``, ``methods``, ``outdoor`` (means first). A kind may be missing or empty.
+    files : Files
     title, simulated
         As in `Study`.
     tables, figures : mapping of str to mapping
         Entries of the configuration, by number.
-    factories : mapping of str to str
-        The factory's calibration file, or "nominal", by scanner.
+
+    Returns
+    -------
+    Study
 
     Raises
     ------
@@ -141,53 +186,51 @@ def read(
         If a file is damaged.
     """
 
-    def frame(kind: str, suffix: str = ".csv") -> pd.DataFrame | None:
-        path = next((path for path in files.get(kind, ()) if path.suffix == suffix), None)
-        return pd.DataFrame(storage.read_csv(path)) if path else None
+    def frame(path: Path) -> pd.DataFrame:
+        return pd.DataFrame(storage.read_csv(path, text=(*KEYS, *IDENTITY, "kind", "shown")))
 
-    def pictures(kind: str) -> list[Path]:
-        return [path for path in files.get(kind, ()) if path.suffix == ".png"]
+    def optional(path: Path | None) -> pd.DataFrame | None:
+        return None if path is None else frame(path)
 
     sets: dict[str, dict[str, Any]] = {}
-    for path in files.get("sets", ()):
-        sets.setdefault(path.parent.name, {})[path.stem] = storage.read_csv(path)
-    drawn = {path.stem.removeprefix("figure_"): path for path in pictures("figures")}
+    for (scanner, name), path in files.sets.items():
+        sets.setdefault(scanner, {})[name] = storage.read_csv(path)
     return Study(
         title=title,
         simulated=simulated,
-        ledgers={path.parent.name: storage.read_json(path) for path in files.get("ledgers", ())},
+        ledgers={sample: storage.read_json(path) for sample, path in files.ledgers.items()},
         tables=tables,
-        summary=frame("summary"),
-        agreement=frame("agreement"),
+        summary=optional(files.summary),
+        agreement=optional(files.agreement),
         figures=[
-            Figure(
-                number,
-                figures[number],
-                pd.DataFrame(storage.read_csv(path.with_suffix(".csv"))),
-                path.read_bytes(),
-            )
-            for number, path in drawn.items()
+            Figure(number, figures[number], frame(numbers), picture.read_bytes())
+            for number, (picture, numbers) in files.figures.items()
         ],
-        surveys=[storage.read_json(path) for path in files.get("surveys", ())],
+        surveys=[storage.read_json(path) for path in files.surveys],
         sets=sets,
         factories={
-            name: formats.read_or_nominal(
-                None if path == "nominal" else Path(path), scanner_named(name)
-            )
-            for name, path in factories.items()
+            name: formats.read_or_nominal(path, scanner_named(name))
+            for name, path in files.factories.items()
         },
-        field_table=frame("field"),
-        field_pictures={path.parent.name: path.read_bytes() for path in pictures("field")},
-        methods=(frame("methods"), b"".join(path.read_bytes() for path in pictures("methods"))),
-        outdoor=(
-            frame("outdoor"),
-            {path.stem.removeprefix("figure_"): path.read_bytes() for path in pictures("outdoor")},
-        ),
+        field_table=optional(files.field_table),
+        field_pictures={name: path.read_bytes() for name, path in files.field_pictures.items()},
+        methods=(frame(files.methods[1]), files.methods[0].read_bytes()) if files.methods else None,
+        outdoor=optional(files.outdoor),
+        outdoor_pictures={name: path.read_bytes() for name, path in files.outdoor_pictures.items()},
     )
 
 
 def render(study: Study) -> str:
     """Write the page.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        HTML.
 
     Raises
     ------
@@ -205,13 +248,13 @@ def render(study: Study) -> str:
     environment.filters["fixed"] = fixed
     environment.filters["number"] = lambda value: f"{value:.7g}"
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
-    cells = agreement_section.cells(study.agreement)
+    cells = agreement.cells(study.agreement)
     content = {
         "title": study.title,
         "simulated": study.simulated,
         "overview": _overview(study.summary),
-        "agreement": agreement_section.counts(cells),
-        "statements": agreement_section.statements_of(cells),
+        "agreement": agreement.counts(cells),
+        "statements": agreement.statements_of(cells),
         "cells": cells,
         "contradictions": CONTRADICTIONS,
         "tables": _tables(study, cells),
@@ -232,8 +275,8 @@ def render(study: Study) -> str:
             for scanner, sets in study.sets.items()
         },
         "ledgers": study.ledgers,
-        "methods": comparison.section(*study.methods),
-        "outdoor": outdoor_figure.section(*study.outdoor),
+        "methods": methods.section(*study.methods) if study.methods else None,
+        "outdoor": panels.section(study.outdoor, study.outdoor_pictures),
         "field": _plain(study.field_table),
         "field_pictures": {
             sample: base64.b64encode(png).decode("ascii")
@@ -247,7 +290,19 @@ def render(study: Study) -> str:
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
-    """Number with fixed decimals and a true minus sign; a dash where there is none."""
+    """Number with fixed decimals and a true minus sign; a dash where there is none.
+
+    Parameters
+    ----------
+    value : float or None
+    decimals : int
+    factor : float
+        To the unit that is shown.
+
+    Returns
+    -------
+    str
+    """
     if value is None or not np.isfinite(value):
         return "–"
     text = f"{value * factor:.{decimals}f}"
@@ -272,11 +327,11 @@ def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:
 
 
 def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
-    """Means over samples and windows, one row per scanner, data and calibration."""
+    """Means over samples and windows, one row per scanner, data, role and set."""
     if summary is None:
         return []
-    keys = ["scanner", "data", "calibration"]
-    names = [*DECIMALS, "complies_zero", "complies_mean", "lasers"]
+    keys = ["scanner", "data", *IDENTITY]
+    names = [*STATISTICS.values(), "complies_zero", "complies_mean", "lasers"]
     scanners = list(dict.fromkeys(summary["scanner"]))
     summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
     return [
@@ -288,7 +343,7 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
     ]
 
 
-def _tables(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str, Any]]:
     """Tables with the paper's numbers beside ours, where there are any."""
     if study.summary is None:
         return []

@@ -5,12 +5,14 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
+from velocal.study.world import read_world
 
 #: Factor of the surveyor's errors in a world without errors; zero would make them singular.
 _TINY = 1e-6
@@ -215,6 +217,17 @@ def true_pose(where: Mapping[str, Any]) -> RigidTransformation:
     )
     translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
     return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
+
+
+def read(path: Path) -> World:
+    """Read the file of a simulated world.
+
+    Raises
+    ------
+    ConfigError
+        If the file is missing, or for the first fault in it.
+    """
+    return load(read_world(path).plain())
 
 
 def load(content: Mapping[str, Any]) -> World:

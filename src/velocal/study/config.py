@@ -1,328 +1,619 @@
-"""A study: its configuration and sheets, checked before anything is planned.
+"""The configuration of a study, typed: what every key means, its default, and what it builds.
 
-Every fault is one `ConfigError` that names the file, the row or key, and what is allowed.
+The models are the only place of defaults and descriptions; the JSON schema and the table of keys in
+``config/README.md`` are made from them (`velocal.study.schema`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal
 
-from velocal.errors import ConfigError
-from velocal.scanner.models import SCANNERS
-from velocal.study.outdoor_sheet import OutdoorSample, check_outdoor
-from velocal.study.sheets import check, read_sheet, read_yaml
-from velocal.study.streams import name_streams, stream_path
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
 
-#: Windows of a surveyed sample, and the only one of a field sample.
-WINDOWS = ("beginning", "middle", "end")
-WHOLE = "all"
+from velocal.adjustment.robust import Robust
+from velocal.adjustment.solvers import (
+    GaussHelmert,
+    OrdinaryLeastSquares,
+    PaperModel,
+    Solver,
+    WithPrior,
+)
+from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
+from velocal.calibration.dialects import DIALECTS
+from velocal.reduction.assignment import Limits
+from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS, Scanner
+from velocal.study.model import (
+    AcuteAngle,
+    Count,
+    Name,
+    Names,
+    NotNegative,
+    Placeholder,
+    Positive,
+    ScannerName,
+    Section,
+    Span,
+    Text,
+    Texts,
+    enum,
+    fault,
+    known_as,
+)
 
+SampleName = Annotated[Name, Placeholder("{sample}")]
+PlaneName = Annotated[Text, Placeholder("{plane}")]
+PanelName = Annotated[Text, Placeholder("{panel}")]
+Word = Annotated[str, Field(pattern=r"^\w+$")]
+SetName = Annotated[Word, Placeholder("{set}")]
+SectionName = Annotated[Word, Placeholder("{section}")]
+TableNumber = Annotated[Literal["2", "3", "4", "5"], Placeholder('"2" ... "5"')]
+FigureNumber = Annotated[str, Field(pattern=r"^[0-9][0-9]$"), Placeholder('"NN"')]
+Parameter = Literal["dl", "alpha", "v", "voff", "hoff"]
+Data = Literal["calibration", "validation"]
+Kind = Literal["ideal", "real"]
+_PROGRAMS = [name for name in DIALECTS if name != "paper"]
+Program = Annotated[str, known_as("program", _PROGRAMS), enum(_PROGRAMS)]
 
-@dataclass(frozen=True)
-class Sample:
-    """One recording and what is known of it.
-
-    Attributes
-    ----------
-    name, scanner : str
-    position : str or None
-        Surveyed position; None for a field sample.
-    recording : str
-        Path of the capture.
-    calibration : str
-        Path of the factory's calibration file ("stream": that read from a recording), or "nominal".
-    port : int or None
-        UDP port to which the scanner sent; any if None.
-    address : str or None
-        Address from which it sent, or the topic of a bag; any if None.
-    """
-
-    name: str
-    scanner: str
-    position: str | None
-    recording: str
-    calibration: str
-    port: int | None = None
-    address: str | None = None
-
-    @property
-    def windows(self) -> tuple[str, ...]:
-        """Windows that are reduced."""
-        return (WHOLE,) if self.position is None else WINDOWS
-
-
-@dataclass(frozen=True)
-class Study:
-    """A checked configuration with its samples.
-
-    Attributes
-    ----------
-    config : mapping
-        As written.
-    surveyed, field : dict of str to Sample
-        Samples with and without a survey.
-    outdoor : dict of str to OutdoorSample
-        Samples of panels outdoors.
-    """
-
-    config: Mapping[str, Any]
-    surveyed: dict[str, Sample]
-    field: dict[str, Sample]
-    outdoor: dict[str, OutdoorSample]
-
-    @property
-    def samples(self) -> dict[str, Sample]:
-        """Samples with and without a survey, not those outdoors."""
-        return {**self.surveyed, **self.field}
-
-    @property
-    def scanners(self) -> list[str]:
-        """Scanners of the surveyed samples, in order of appearance."""
-        return list(dict.fromkeys(sample.scanner for sample in self.surveyed.values()))
-
-    @property
-    def positions(self) -> dict[str, str]:
-        """Scanner of every surveyed position."""
-        return {s.position: s.scanner for s in self.surveyed.values() if s.position}
-
-    def adjustment(self, scanner: str | None) -> dict[str, Any]:
-        """Key `adjustment` of the configuration as it holds for a scanner."""
-        general = dict(self.config.get("adjustment", {}))
-        own: dict[str, Any] = general.pop("by_scanner", {}).get(scanner, {})
-        return general | own
-
-    @property
-    def observations(self) -> dict[str, str]:
-        """Observation files of the survey, by kind; none if coordinates were handed over."""
-        return dict(self.config.get("survey", {}).get("observations", {}))
-
-    def survey_files(self, made: str) -> dict[str, str]:
-        """Survey files by kind: as handed over, or adjusted from observations below `made`."""
-        if not self.observations:
-            return dict(self.config.get("survey", {}))
-        files = {name: f"{made}/{name}.csv" for name in ("planes", "base_scanner", "base_field")}
-        return {**files, "covariance": f"{made}/covariance.json"}
-
-    @property
-    def factories(self) -> dict[str, str]:
-        """Factory calibration of every scanner: a file, or "nominal"."""
-        return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
-
-    @property
-    def parameter_sets(self) -> dict[str, dict[str, list[str]]]:
-        """Samples of every parameter set, by scanner."""
-        return {
-            scanner: dict(sets)
-            for scanner, sets in self.config.get("parameter_sets", {}).items()
-            if scanner in self.scanners
-        }
+#: Solvers by name; each is made with the key `truncate_at`, which only some of them use.
+SOLVERS: dict[str, Callable[[float | None], Solver]] = {
+    "prior": lambda _: WithPrior(),
+    "paper": lambda truncate_at: PaperModel(truncate_at=truncate_at),
+    "gauss_helmert": lambda truncate_at: GaussHelmert(truncate_at=truncate_at),
+    "least_squares": lambda _: OrdinaryLeastSquares(),
+}
+_DEG = np.pi / 180.0
 
 
-def read_study(config: Mapping[str, Any], schemas: Path, where: str) -> Study:
-    """Check a configuration and read its sheets.
+class Coordinates(Section):
+    """Survey files that hold coordinates."""
 
-    Parameters
-    ----------
-    config : mapping
-        Content of the configuration file.
-    schemas : Path
-        Folder of the JSON schemas.
-    where : str
-        How to call the configuration in errors.
-
-    Raises
-    ------
-    ConfigError
-        For the first fault found.
-    """
-    check(config, read_yaml(schemas / "config.schema.yaml"), where)
-    streams: dict[str, str] = {}
-    surveyed: dict[str, Sample] = {}
-    field: dict[str, Sample] = {}
-    if "samples" in config:
-        sheet = Path(config["samples"])
-        rows = read_sheet(sheet, read_yaml(schemas / "samples.schema.yaml"))
-        name_streams(rows, config["results"], str(sheet), streams)
-        surveyed = {
-            row["sample"]: Sample(
-                row["sample"], row["scanner"], row["position"], row["recording"],
-                row["calibration"], *_choice(row),
-            )
-            for row in rows
-        }  # fmt: skip
-    if "field" in config:
-        sheet = Path(config["field"]["samples"])
-        folder = Path(config["field"]["recordings"])
-        rows = read_sheet(sheet, read_yaml(schemas / "field_samples.schema.yaml"))
-        name_streams(rows, config["results"], str(sheet))
-        field = {
-            row["sample"]: Sample(
-                row["sample"], row["scanner"], None,
-                str(folder / row["recording"]), row["calibration"], *_choice(row),
-            )
-            for row in rows
-        }  # fmt: skip
-    outdoor: dict[str, OutdoorSample] = {}
-    if "outdoor" in config:
-        sheet = Path(config["outdoor"]["samples"])
-        rows = read_sheet(sheet, read_yaml(schemas / "outdoor_samples.schema.yaml"))
-        name_streams(rows, config["results"], str(sheet), streams)
-        outdoor = {row["sample"]: OutdoorSample.of(row) for row in rows}
-    study = Study(config, surveyed, field, outdoor)
-    _check_references(study, where)
-    return study
-
-
-def _choice(row: Mapping[str, str]) -> tuple[int | None, str | None]:
-    """Port and address of a row; an empty cell or no column is any."""
-    port = row.get("port")
-    return int(port) if port else None, row.get("address") or None
-
-
-def _check_references(study: Study, where: str) -> None:
-    """Check that names in the configuration and the sheets refer to something."""
-    config = study.config
-    if not study.samples:
-        raise ConfigError("names no sample", where=where, hint="Give `samples` or `field`.")
-    names = [*study.surveyed, *study.field, *study.outdoor]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigError(f"sample {name!r} stands in two sheets", where=where)
-    for sample in study.samples.values():
-        if sample.scanner not in SCANNERS:
-            raise ConfigError(
-                f"sample {sample.name!r}: unknown scanner {sample.scanner!r}",
-                where=where,
-                allowed=", ".join(SCANNERS),
-            )
-        if sample.position and sample.calibration != study.factories[sample.scanner]:
-            raise ConfigError(
-                f"the samples of {sample.scanner} name different calibration files",
-                where=where,
-                hint="Calibrate two units of one model in two studies.",
-            )
-        if sample.position and study.positions[sample.position] != sample.scanner:
-            raise ConfigError(
-                f"position {sample.position!r} is used by two scanners",
-                where=where,
-                hint="The base targets of a position belong to one scanner: name another.",
-            )
-    for sample in config.get("field", {}).get("patches", {}):
-        if sample not in study.field:
-            raise ConfigError(
-                f"field.patches: no sample {sample!r}", where=where, allowed=", ".join(study.field)
-            )
-    check_outdoor(study.outdoor, study.factories, config, where)
-    if not study.surveyed:
-        return
-    for key in ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation"):
-        if key not in config:
-            raise ConfigError(f"key {key!r} is missing", where=where, hint="See config/README.md.")
-    for scanner, sets in config["parameter_sets"].items():
-        for name, samples in sets.items():
-            for sample in samples:
-                known = [s.name for s in study.surveyed.values() if s.scanner == scanner]
-                if sample not in known:
-                    raise ConfigError(
-                        f"parameter_sets.{scanner}.{name}: no sample {sample!r} of that scanner",
-                        where=where,
-                        allowed=", ".join(known),
-                    )
-    for scanner in study.scanners:
-        if scanner not in config["parameter_sets"]:
-            raise ConfigError(f"parameter_sets has no {scanner!r}", where=where)
-    for key in ("tables", "figures"):
-        for number, entry in config.get(key, {}).items():
-            for sample in entry.get("samples", ()):
-                if sample not in study.surveyed:
-                    raise ConfigError(
-                        f"{key}.{number}: no sample {sample!r}",
-                        where=where,
-                        allowed=", ".join(study.surveyed),
-                    )
-    _check_maps(study, where)
-    if "methods" in config:
-        _check_methods(study, config["methods"], where)
-
-
-def _check_maps(study: Study, where: str) -> None:
-    """Check the parameter set of a map, and that there is one map at most."""
-    figures: Mapping[str, Mapping[str, Any]] = study.config.get("figures", {})
-    maps = {number: figure for number, figure in figures.items() if figure["kind"] == "map"}
-    for number, figure in maps.items():
-        key = f"figures.{number}"
-        sets = study.parameter_sets.get(figure["scanner"], {})
-        if figure["set"] not in sets:
-            raise ConfigError(
-                f"{key}: no parameter set {figure['set']!r} of {figure['scanner']!r}",
-                where=where,
-                allowed=", ".join(sets),
-            )
-        if len(maps) > 1 or "simulation" not in study.config:
-            raise ConfigError(
-                f"{key}: one map of the simulated world's building is drawn, no other",
-                where=where,
-            )
-
-
-def _check_methods(study: Study, methods: Mapping[str, Any], where: str) -> None:
-    """Check the samples that methods are compared on."""
-    known = [s.name for s in study.surveyed.values() if s.scanner == methods["scanner"]]
-    for key in ("calibration", "other"):
-        for sample in methods[key]:
-            if sample not in known:
-                raise ConfigError(
-                    f"methods.{key}: no sample {sample!r} of {methods['scanner']!r}",
-                    where=where,
-                    allowed=", ".join(known),
-                )
-    used = {study.surveyed[sample].position for sample in methods["calibration"]}
-    for sample in methods["other"]:
-        if study.surveyed[sample].position in used:
-            raise ConfigError(
-                f"methods.other: sample {sample!r} is of a position that is calibrated on",
-                where=where,
-                hint="Methods are judged on a position that they did not see.",
-            )
-    for key in ("dl_cm", "alpha_deg", "v_deg"):
-        if key not in study.config["adjustment"]["prior"]:
-            raise ConfigError(f"methods: adjustment.prior has no {key!r}", where=where)
-
-
-def check_files(study: Study, made_here: str | None, where: str) -> None:
-    """Check that every file that no rule makes exists.
-
-    Parameters
-    ----------
-    study : Study
-    made_here : str or None
-        Folder whose files the workflow makes itself (the simulated world), if there is one.
-    where : str
-        How to call the configuration in errors.
-
-    Raises
-    ------
-    ConfigError
-        For the first missing file; without this, old results would hide it.
-    """
-    named = {f"survey.observations.{key}": path for key, path in study.observations.items()}
-    if not named:
-        named = {f"survey.{key}": path for key, path in study.survey_files("").items()}
-    given = {"nominal", *(stream_path(study.config["results"], name) for name in study.samples)}
-    every: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
-    for sample in every:
-        named[f"recording of sample {sample.name!r}"] = sample.recording
-        if sample.calibration not in given:
-            named[f"calibration of sample {sample.name!r}"] = sample.calibration
-    hint = (
-        "Put it there, or name another; paths are relative to the folder in which snakemake runs."
+    planes: Text = Field(description="CSV of the targets on walls and floor, in the site frame")
+    base_scanner: Text = Field(
+        description="CSV of the targets on the scanners' bases, each in its scanner's frame"
     )
-    if made_here:
-        hint += f" Simulated files lie below {made_here}."
-    for what, path in named.items():
-        made = made_here is not None and Path(path).is_relative_to(made_here)
-        if not made and not Path(path).is_file():
-            raise ConfigError(f"{what}: no file {path!r}", where=where, hint=hint)
+    base_site: Text = Field(
+        description="CSV of the same targets in the site frame, at every position"
+    )
+
+
+class ObservationFiles(Section):
+    """Files of observations from which coordinates are adjusted."""
+
+    points: Text = Field(description="control points, and the targets of the planes")
+    polar: Text = Field(description="polar observations of total stations to control points")
+    images: Text | None = Field(
+        default=None,
+        description="image observations of targets and control points; without this file the "
+        "targets of the planes are observed in `polar`",
+    )
+    base_polar: Text = Field(description="polar observations to the targets of the bases")
+    base_coordinates: Text = Field(
+        description="repeated coordinates of these targets in the scanners' frames"
+    )
+
+
+class Observations(Section):
+    """A survey whose coordinates are adjusted by the workflow."""
+
+    observations: ObservationFiles = Field(
+        description="files from which the coordinates are adjusted, given instead of the "
+        "three files of coordinates"
+    )
+
+
+def _survey_tag(content: Any) -> str:
+    given = content if isinstance(content, dict) else vars(content)
+    return "observations" if "observations" in given else "coordinates"
+
+
+Survey = Annotated[
+    Annotated[Coordinates, Tag("coordinates")] | Annotated[Observations, Tag("observations")],
+    Discriminator(_survey_tag),
+]
+
+
+class Seeds(Section):
+    """Replicas of the study with other seeds of the simulated world."""
+
+    count: int = Field(ge=2, description="`make seeds` uses the seeds 1, 2, ... up to this number")
+    rotations: Count = Field(description="complete rotations of a window in these replicas")
+
+
+class Simulation(Section):
+    """A simulated world stands in for recordings and survey."""
+
+    world: Text = Field(description="file with the constants of the simulated world")
+    rotations: int = Field(
+        ge=3,
+        description="complete rotations of every simulated recording; 3000 are five minutes",
+    )
+    seeds: Seeds | None = Field(default=None, description="replicas that `make seeds` makes")
+
+
+class Windows(Section):
+    """Windows at the beginning, in the middle and at the end of a recording."""
+
+    rotations: Count = Field(
+        description="complete rotations of each of the windows beginning, middle and end"
+    )
+
+
+class Reduction(Section):
+    """Reduction of returns to medians."""
+
+    min_count: Count = Field(description="returns that an azimuth bin needs to give a median")
+    which: Literal["strongest", "last"] = Field(
+        default="strongest", alias="return", description="return that is used where a shot has two"
+    )
+    azimuth_bin_deg: dict[ScannerName, float] = Field(
+        default={},
+        description="width of an azimuth bin, a multiple of 0.01 that divides 360; the default "
+        "depends on the scanner: "
+        + ", ".join(
+            f"{name} {scanner.azimuth_bin_ticks / 100:g}" for name, scanner in SCANNERS.items()
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _bins_divide_the_turn(self) -> Reduction:
+        for scanner, width in self.azimuth_bin_deg.items():
+            ticks, usual = round(width * 100), SCANNERS[scanner].azimuth_bin_ticks / 100
+            if not 0 < ticks <= 1000 or abs(ticks - width * 100) > 1e-6 or AZIMUTH_TICKS % ticks:
+                raise fault(
+                    repr(width),
+                    key=f"azimuth_bin_deg.{scanner}",
+                    allowed=["a multiple of 0.01, at most 10, that divides 360"],
+                    hint=f"The default of an {scanner} is {usual:g}.",
+                )
+        return self
+
+    def azimuth_bin_ticks(self, scanner: Scanner) -> int:
+        """Width of an azimuth bin of a scanner in raw azimuth ticks (0.01 degree)."""
+        return scanner.azimuth_bin(self.azimuth_bin_deg.get(scanner.name))
+
+
+class AssignmentLimits(Section):
+    """What a return must satisfy to belong to a plane."""
+
+    distance_cm: Positive = Field(
+        description="largest residual s before the adjustment, as an absolute value"
+    )
+    edge_cm: NotNegative = Field(
+        description="a beam must meet a plane at least this far inside the hull of its targets"
+    )
+    incidence_deg: AcuteAngle = Field(description="largest angle between beam and normal")
+
+    def metric(self) -> Limits:
+        """Limits in metres and radians."""
+        return Limits(
+            self.distance_cm * 1e-2, self.edge_cm * 1e-2, float(np.deg2rad(self.incidence_deg))
+        )
+
+
+class Assignment(Section):
+    """Which return belongs to which surveyed plane."""
+
+    planes: Texts = Field(description="names of the surveyed planes that are used")
+    limits: AssignmentLimits = Field(description="limits of the assignment")
+
+
+class Prior(Section):
+    """How far the values of the factory may be off: standard deviations."""
+
+    dl_cm: Positive | None = Field(default=None, description="of a distance correction")
+    alpha_deg: Positive | None = Field(default=None, description="of a rotational angle")
+    v_deg: Positive | None = Field(default=None, description="of a vertical angle")
+    voff_cm: Positive | None = Field(default=None, description="of a vertical offset")
+    hoff_cm: Positive | None = Field(default=None, description="of a horizontal offset")
+    scale_cm_per_m: Positive | None = Field(default=None, description="of a range scale")
+
+    def std(self) -> dict[str, float]:
+        """Standard deviations that are given, by parameter; metres, radians, 1."""
+        all_of_them = {
+            "dl": (self.dl_cm, 1e-2),
+            "alpha": (self.alpha_deg, _DEG),
+            "v": (self.v_deg, _DEG),
+            "voff": (self.voff_cm, 1e-2),
+            "hoff": (self.hoff_cm, 1e-2),
+            "scale": (self.scale_cm_per_m, 1e-2),
+        }
+        return {name: std * unit for name, (std, unit) in all_of_them.items() if std is not None}
+
+
+class ScannerAdjustment(Section):
+    """What differs for one scanner."""
+
+    noise_cm: Positive | None = Field(default=None, description="`noise_cm` of this scanner")
+    angle_deg: NotNegative | None = Field(default=None, description="`angle_deg` of this scanner")
+    range_scale_cm_per_m: NotNegative | None = Field(
+        default=None, description="`range_scale_cm_per_m` of this scanner"
+    )
+    repeatability_cm: NotNegative | None = Field(
+        default=None, description="`repeatability_cm` of this scanner"
+    )
+
+
+class Adjustment(Section):
+    """Functional model, stochastic model and solver of the adjustment of one scanner."""
+
+    method: Literal["prior", "paper", "gauss_helmert", "least_squares"] = Field(
+        description="`prior` is for work: weighted, with the prior as observations; `paper` is the "
+        "new model of the paper in its fast form"
+    )
+    robust: Literal["huber", "igg", "snooping"] | None = Field(
+        default=None,
+        description="way to reduce the weight of outliers: `huber`, `igg` or `snooping`",
+    )
+    parameters: Annotated[tuple[Parameter, ...], Field(strict=False, min_length=1)] = Field(
+        description="parameters that are adjusted, out of `dl`, `alpha`, `v`, `voff`, `hoff` (the "
+        "library can adjust a range scale too, but no file of a driver can hold it)"
+    )
+    noise_cm: Positive = Field(description="standard deviation of a distance")
+    angle_deg: NotNegative = Field(
+        default=0.0, description="standard deviation of a rotational angle"
+    )
+    block_deg: Positive | None = Field(
+        default=None,
+        description="residuals on one plane that are nearer to each other than this are taken as "
+        "correlated; `null` takes all residuals as independent",
+    )
+    range_scale_cm_per_m: NotNegative = Field(
+        default=0.0,
+        description="standard deviation of a range scale per laser that is not adjusted",
+    )
+    repeatability_cm: NotNegative = Field(
+        default=0.0,
+        description="standard deviation of a laser's distances from recording to recording",
+    )
+    prior: Prior = Field(
+        description="standard deviations of the factory's values; every adjusted parameter needs "
+        "one, since they scale the parameters to each other"
+    )
+    truncate_at: Positive | None = Field(
+        default=None,
+        description="a direction in the space of the parameters is weakly determined, and left at "
+        "the factory's value, if its standard deviation after the adjustment exceeds this many "
+        "prior ones; `null` truncates at machine precision, as a pseudo-inverse does",
+    )
+
+    @model_validator(mode="after")
+    def _parameters_have_priors(self) -> Adjustment:
+        if len(set(self.parameters)) < len(self.parameters):
+            raise fault(f"a parameter occurs twice: {list(self.parameters)}", key="parameters")
+        given = self.prior.std()
+        for name in self.parameters:
+            if name not in given:
+                key = f"{name}_{'deg' if name in ('alpha', 'v') else 'cm'}"
+                raise fault(
+                    f"{name!r} is adjusted, but there is no {key!r}",
+                    key="prior",
+                    hint=f"Say how far the factory's value may be off: prior: {{{key}: ...}}.",
+                )
+        return self
+
+    def solver(self) -> Solver:
+        """Solver that `method` and `robust` name."""
+        base = SOLVERS[self.method](self.truncate_at)
+        return Robust(base=base, kind=self.robust) if self.robust else base
+
+    def stochastic(self, survey: Sequence[SurveyUncertainty] = ()) -> Stochastic:
+        """Stochastic model in metres and radians.
+
+        Parameters
+        ----------
+        survey : sequence of SurveyUncertainty
+            Of every station that is adjusted.
+        """
+        return Stochastic(
+            noise_std_m=self.noise_cm * 1e-2,
+            prior_std=self.prior.std(),
+            angle_std_rad=float(np.deg2rad(self.angle_deg)),
+            block_rad=None if self.block_deg is None else float(np.deg2rad(self.block_deg)),
+            range_scale=self.range_scale_cm_per_m * 1e-2,
+            repeatability_m=self.repeatability_cm * 1e-2,
+            survey=tuple(survey),
+        )
+
+
+class Adjustments(Adjustment):
+    """Adjustment of all scanners: what holds for all, and what differs for one."""
+
+    average: Literal["equal", "covariance"] = Field(
+        default="equal",
+        description="weights of the samples in a parameter set; those of the paper are equal",
+    )
+    by_scanner: dict[ScannerName, ScannerAdjustment] = Field(
+        default={}, description="what differs for one scanner"
+    )
+
+    def of(self, scanner: str) -> Adjustment:
+        """Adjustment of one scanner, which knows nothing of the others."""
+        values = {name: getattr(self, name) for name in Adjustment.model_fields}
+        own = self.by_scanner.get(scanner)
+        differing = own.model_dump(exclude_none=True) if own else {}
+        return Adjustment(**values | differing)
+
+
+class Export(Section):
+    """Programs that the files of the parameter sets are written for."""
+
+    yaml: Program = Field(
+        default="ros",
+        description="program that reads the `.yaml` files; `docs/dialects.md` lists them",
+    )
+    xml: Program = Field(default="veloview", description="program that reads the `.xml` files")
+
+
+class Validation(Section):
+    """Residuals of single scans."""
+
+    sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
+    rotations: Count = Field(description="single rotations of each window that are used")
+
+
+class Methods(Section):
+    """Comparison of the methods of adjustment."""
+
+    scanner: ScannerName = Field(
+        description="scanner of the samples; `methods/comparison.*` shows the result"
+    )
+    runs: int = Field(
+        default=500,
+        ge=2,
+        description="runs of the Monte Carlo check of the stated uncertainty by `make coverage`, "
+        "`methods/coverage.csv`",
+    )
+    calibration: Names = Field(description="samples that every method is adjusted on")
+    other: Names = Field(
+        description="samples of another position, on which the methods are judged; only methods "
+        "that adjust positions jointly are adjusted on them too"
+    )
+
+
+class Table(Section):
+    """One of the paper's tables."""
+
+    scanner: ScannerName = Field(description="scanner of the samples")
+    samples: Names = Field(description="samples that are shown")
+    data: Data = Field(description="residuals of medians, or of single scans")
+
+
+class LaserFigure(Table):
+    """A figure of statistics per laser."""
+
+    kind: Literal["std", "within_1sigma", "within_3sigma", "within"] = Field(
+        description="standard deviation of s per laser, or share of s within 1 sigma, 3 sigma, "
+        "or both"
+    )
+
+
+class HistogramFigure(Section):
+    """Histograms of the residuals of one laser."""
+
+    kind: Literal["histogram"] = Field(description="histogram of the residuals of one laser")
+    scanner: ScannerName = Field(description="scanner of the samples")
+    samples: Names = Field(description="samples that are shown")
+    data: Literal["calibration"] = Field(description="residuals of medians, or of single scans")
+    laser: Count = Field(description="laser, counted from 1")
+
+    @model_validator(mode="after")
+    def _laser_exists(self) -> HistogramFigure:
+        count = SCANNERS[self.scanner].n_lasers
+        if self.laser > count:
+            raise fault(f"{self.laser}", key="laser", allowed=[f"1 to {count}"])
+        return self
+
+
+class PlanFigure(Section):
+    """The site in plan with the medians of the middle window, one panel per sample."""
+
+    kind: Literal["plan"] = Field(
+        description="the site in plan with the medians of the middle window, one panel per "
+        "sample; at most 3000 medians of a kind are drawn and kept, every n-th, and the column "
+        "`drawn_of` says of how many"
+    )
+    scanner: ScannerName = Field(description="scanner of the samples")
+    samples: Names = Field(description="samples that are shown")
+
+
+class Box(Section):
+    """A box along the axes of a frame."""
+
+    x_m: Span = Field(description="from, to")
+    y_m: Span = Field(description="from, to")
+    z_m: Span = Field(description="from, to")
+
+
+class MapFigure(Section):
+    """The map of the simulated building."""
+
+    kind: Literal["map"] = Field(description="map of the simulated building; at most one figure")
+    scanner: ScannerName = Field(description="scanner of the samples, or of the map")
+    set: SetName = Field(description="parameter set that the map is made with")
+    sections: dict[SectionName, Box] = Field(
+        min_length=1,
+        description="stretches of walls, as boxes in the frame of the building that hold nothing "
+        "but the wall, which runs along their longer horizontal side; `map/summary.csv` gives "
+        "the thickness of each, and the first is drawn",
+    )
+
+
+Figure = Annotated[
+    LaserFigure | HistogramFigure | PlanFigure | MapFigure, Field(discriminator="kind")
+]
+
+
+class Panel(Section):
+    """Box of a panel about the middle between the panels."""
+
+    across_m: Span = Field(description="from, to; to the right of the middle between the panels")
+    up_m: Span = Field(description="from, to; above the scanner's origin")
+
+
+class PanelFit(Section):
+    """Which returns a plane is fitted to."""
+
+    depth_m: Positive = Field(
+        description="largest distance of a point before or behind the distance that the sample "
+        "table states"
+    )
+    min_points: int = Field(ge=10, description="returns that a panel needs; fewer are an error")
+    min_lasers: int = Field(ge=3, description="lasers that must see a panel; fewer are an error")
+    incidence_deg: AcuteAngle = Field(description="largest angle between beam and normal")
+
+
+class Outdoor(Section):
+    """Panels outdoors, to which planes are fitted before and after the calibration."""
+
+    samples: Text = Field(description="sample table of the outdoor samples")
+    rotations: Annotated[int, Field(ge=3)] | None = Field(
+        default=None,
+        description="complete rotations of a simulated recording; needed where there is one",
+    )
+    panels: dict[PanelName, Panel] = Field(min_length=1, description="boxes of the panels")
+    fit: PanelFit = Field(description="which returns a plane is fitted to, and how many it takes")
+    figures: dict[FigureNumber, Annotated[tuple[Kind, ScannerName], Field(strict=False)]] = Field(
+        default={},
+        description="figures of the standard deviation against distance: kind and scanner of the "
+        "samples",
+    )
+
+
+class PlaneSearch(Section):
+    """Search for planes in the data."""
+
+    planes: Count = Field(description="largest number of planes")
+    distance_cm: Positive = Field(
+        description="the points of a plane lie within this distance of it; about three standard "
+        "deviations of the points, offsets of the lasers included"
+    )
+    extent_m: Positive = Field(description="largest diameter of a plane")
+    min_points: int = Field(ge=10, description="medians that a plane needs; holds for patches too")
+    incidence_deg: AcuteAngle = Field(
+        description="largest angle between beam and normal; holds for patches too"
+    )
+    seed: int = Field(ge=0, description="seed of the random search")
+
+
+class Unsurveyed(Section):
+    """Recordings without a survey."""
+
+    samples: Text = Field(description="sample table of the recordings without a survey")
+    recordings: Text = Field(description="folder of their captures")
+    sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
+    patches: dict[SampleName, dict[PlaneName, Box]] = Field(
+        default={},
+        description="boxes in the scanner frame in which a plane is fitted; in the data of a "
+        "sample without any, planes are searched for",
+    )
+    search: PlaneSearch = Field(description="search for planes where no patch is given")
+
+
+class StudyConfig(Section):
+    """A study. Parts that a study without a survey does not need are optional."""
+
+    study: Text = Field(description="title, shown in the report; every configuration has one")
+    results: str = Field(
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$",
+        description="folder for everything that is made, relative to the folder in which "
+        "snakemake runs",
+    )
+    samples: Text | None = Field(default=None, description="sample table of the surveyed samples")
+    survey: Survey | None = Field(
+        default=None, description="survey files: coordinates or observations"
+    )
+    simulation: Simulation | None = Field(
+        default=None, description="the simulated world; leave it out for real recordings"
+    )
+    windows: Windows | None = Field(default=None, description="windows of a recording")
+    reduction: Reduction = Field(description="reduction of returns to medians")
+    assignment: Assignment | None = Field(
+        default=None, description="which return belongs to which surveyed plane"
+    )
+    adjustment: Adjustments | None = Field(default=None, description="adjustment of the lasers")
+    parameter_sets: dict[ScannerName, Annotated[dict[SetName, Names], Field(min_length=1)]] = Field(
+        default={},
+        description="samples whose adjustments are averaged (mean of the windows, then of the "
+        "samples)",
+    )
+    export: Export = Field(
+        default=Export(), description="programs that the files of the parameter sets are for"
+    )
+    validation: Validation | None = Field(default=None, description="residuals of single scans")
+    compare_with_paper: bool = Field(
+        default=False,
+        description="write `published/agreement.csv`; needs the paper's samples, all four tables, "
+        "a map and outdoor samples",
+    )
+    methods: Methods | None = Field(
+        default=None,
+        description="comparison of the methods of adjustment; it needs priors for `dl`, `alpha` "
+        "and `v`, and gives errors against the truth where the study is simulated",
+    )
+    outdoor: Outdoor | None = Field(default=None, description="panels outdoors")
+    unsurveyed: Unsurveyed | None = Field(default=None, description="recordings without a survey")
+    tables: dict[TableNumber, Table] = Field(default={}, description="tables of the paper")
+    figures: dict[FigureNumber, Figure] = Field(default={}, description="figures")
+
+    @property
+    def folder(self) -> str:
+        """Folder of the results without a slash at its end."""
+        return self.results.rstrip("/")
+
+    @property
+    def maps(self) -> dict[str, MapFigure]:
+        """Figures of the kind `map` by number."""
+        return {n: each for n, each in self.figures.items() if isinstance(each, MapFigure)}
+
+    @model_validator(mode="after")
+    def _parts_belong_together(self) -> StudyConfig:
+        if self.samples is None and self.unsurveyed is None:
+            raise fault("names no sample", hint="Give `samples` or `unsurveyed`.")
+        needed = ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation")
+        for key in needed if self.samples else ():
+            if not getattr(self, key):
+                raise fault(
+                    f"key {key!r} is missing",
+                    hint="A study with `samples` needs it; config/README.md describes it.",
+                )
+        for key in ("methods", "outdoor", "tables", "figures", "compare_with_paper"):
+            if getattr(self, key) and not self.samples:
+                raise fault("needs surveyed samples", key=key, hint="Give `samples`.")
+        for number in self.outdoor.figures if self.outdoor else ():
+            if number in self.figures:
+                raise fault(f"figure {number} stands in figures and outdoor.figures")
+        for number in self.maps:
+            if len(self.maps) > 1 or self.simulation is None:
+                raise fault(
+                    "one map of the simulated world's building is drawn, no other",
+                    key=f"figures.{number}",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _paper_is_complete(self) -> StudyConfig:
+        if not self.compare_with_paper:
+            return self
+        missing = [f"tables.{n}" for n in ("2", "3", "4", "5") if n not in self.tables]
+        missing += [] if self.maps else ["a figure of the kind map"]
+        missing += [] if self.outdoor else ["outdoor"]
+        missing += [] if isinstance(self.survey, Observations) else ["survey.observations"]
+        if missing:
+            raise fault(
+                f"there is no {' and no '.join(missing)}",
+                key="compare_with_paper",
+                hint="The paper's statements are compared with these; "
+                "leave out `compare_with_paper` for a study of your own.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _methods_have_priors(self) -> StudyConfig:
+        if self.methods and self.adjustment:
+            given = self.adjustment.prior.std()
+            for name, key in (("dl", "dl_cm"), ("alpha", "alpha_deg"), ("v", "v_deg")):
+                if name not in given:
+                    raise fault(f"adjustment.prior has no {key!r}", key="methods")
+        return self

@@ -11,9 +11,9 @@ import jinja2
 
 from velocal.errors import ConfigError
 from velocal.io import storage
-from velocal.scanner.models import Scanner
+from velocal.scanner.models import SCANNERS, Scanner
 
-#: Where the capture and the factory's file are looked for until the sheet says otherwise.
+#: Where the capture and the factory's file are looked for until the sample table says otherwise.
 CAPTURES = "captures"
 FACTORY = "factory.xml"
 
@@ -51,7 +51,8 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
     values = {
         "workflow": json.dumps(str(workflow.resolve())),
         "scanner": scanner.name,
-        "cell_deg": scanner.azimuth_bin_ticks / 100,
+        "scanners": ", ".join(SCANNERS),
+        "azimuth_bin_deg": scanner.azimuth_bin_ticks / 100,
         "samples": [f"sample{number + 1}" for number in range(positions)],
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.

@@ -9,10 +9,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from velocal.arrays import Array
-from velocal.reporting.figures.lasers import GREY, style
+from velocal.reporting.style import COLOURS, GREY, style
 
-#: Okabe and Ito, without black and yellow.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 #: Below this differences are rounding, and drawn there.
 _LEAST_CM = 1e-3
 
@@ -36,6 +34,10 @@ def draw_differences(
         What is compared.
     note : str
         Under which conditions.
+
+    Returns
+    -------
+    Figure
     """
     with style():
         figure = Figure(figsize=(7.2, 3.4))

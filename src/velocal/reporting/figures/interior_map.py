@@ -16,7 +16,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from velocal.evaluation.interior_map import STATES, Section
-from velocal.reporting.figures.lasers import AFTER, BEFORE, DARK, finish, style
+from velocal.reporting.style import AFTER, BEFORE, DARK, finish, style
 
 Array = NDArray[np.float64]
 
@@ -81,6 +81,10 @@ def draw_map(
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     name, box = next(iter(selection["sections"].items()))
     with style():
@@ -107,7 +111,7 @@ def draw_map(
             f"{selection['scanner']}: interior from {len(scanners)} positions, {count} points, "
             f"parameter set {selection['set']}"
         )
-        finish(figure, None, title, simulated)
+        finish(figure, None, title, simulated=simulated)
     return figure
 
 

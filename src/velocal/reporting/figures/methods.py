@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from velocal.evaluation.methods import DEFAULT, PRINTED
-from velocal.reporting.figures.lasers import AFTER, BEFORE, GREY, style
+from velocal.io.markup import markdown_table
+from velocal.paper.tables import SIMULATED
+from velocal.reporting.style import AFTER, BEFORE, CONNECTION, GREY, finish, style
 
 #: Columns of the table for people, by column of the numbers, with their decimals.
 _HEADINGS: Mapping[str, tuple[str, int | None]] = {
@@ -21,10 +23,10 @@ _HEADINGS: Mapping[str, tuple[str, int | None]] = {
     "reference": ("After", None),
     "planes": ("Planes", None),
     "parameters": ("Parameters", None),
-    "calibration_walls_std_cm": ("Calibration, walls [cm]", 2),
-    "other_walls_std_cm": ("Other position, walls [cm]", 2),
-    "calibration_std_cm": ("Calibration, all [cm]", 2),
-    "other_std_cm": ("Other position, all [cm]", 2),
+    "calibration_walls_rms_cm": ("Calibration, walls [cm]", 2),
+    "other_walls_rms_cm": ("Other position, walls [cm]", 2),
+    "calibration_rms_cm": ("Calibration, all [cm]", 2),
+    "other_rms_cm": ("Other position, all [cm]", 2),
     "calibration_within_1sigma_pct": ("Calibration within 1σ [%]", 1),
     "other_within_1sigma_pct": ("Other within 1σ [%]", 1),
     "dl_error_cm": ("Error of dl [cm]", 2),
@@ -33,8 +35,10 @@ _HEADINGS: Mapping[str, tuple[str, int | None]] = {
     "v_far_off": ("Lasers with v off by > 1 deg", 0),
     "unconverged": ("Lasers not converged", 0),
 }
-#: Numbers that get worse when the arm saw the other position are marked.
-_OTHER = ("other_walls_std_cm", "other_std_cm", "other_within_1sigma_pct")
+#: How many of the columns, the first ones, hold text.
+TEXTS = sum(decimals is None for _, decimals in _HEADINGS.values())
+#: Numbers that are marked where the method was adjusted on the other position too.
+_OTHER = ("other_walls_rms_cm", "other_rms_cm", "other_within_1sigma_pct")
 
 _NOTE = (
     "Standard deviations are means over the lasers of the root mean square of s about zero, means "
@@ -51,8 +55,8 @@ _ALLOWED = 2.0
 _FAR = 4.0
 #: Panels of the figure: title, axis label, columns and whether the axis is logarithmic.
 _PANELS = (
-    ("std of s, walls", "cm", ("calibration_walls_std_cm", "other_walls_std_cm"), False),
-    ("std of s, all planes", "cm", ("calibration_std_cm", "other_std_cm"), False),
+    ("std of s, walls", "cm", ("calibration_walls_rms_cm", "other_walls_rms_cm"), False),
+    ("std of s, all planes", "cm", ("calibration_rms_cm", "other_rms_cm"), False),
     ("error of dl", "cm", ("dl_error_cm",), True),
     ("error of alpha", "deg", ("alpha_error_deg",), True),
     ("error of v", "deg", ("v_error_deg",), True),
@@ -81,13 +85,13 @@ def _cell(row: Mapping[Any, Any], name: str, decimals: int | None) -> str:
 
 def verdict(numbers: pd.DataFrame) -> list[str]:
     """What the default gives against the paper's method as printed, in sentences."""
-    by_arm = {str(row["arm"]): row for row in numbers.to_dict(orient="records")}
-    if not {DEFAULT, PRINTED} <= set(by_arm):
+    by_method = {str(row["method"]): row for row in numbers.to_dict(orient="records")}
+    if not {DEFAULT, PRINTED} <= set(by_method):
         return []
-    ours, paper = by_arm[DEFAULT], by_arm[PRINTED]
+    ours, paper = by_method[DEFAULT], by_method[PRINTED]
     change = {
         column: 100.0 * (float(ours[column]) / float(paper[column]) - 1.0)
-        for column in ("calibration_walls_std_cm", "other_walls_std_cm")
+        for column in ("calibration_walls_rms_cm", "other_walls_rms_cm")
     }
     calibration, other = change.values()
     sentences = [
@@ -114,15 +118,26 @@ def _note(numbers: pd.DataFrame) -> str:
 
 
 def markdown(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> str:
-    """Comparison as Markdown."""
+    """Comparison as Markdown.
+
+    Parameters
+    ----------
+    numbers : DataFrame
+        Rows of `methods.evaluate`.
+    scanner : str
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    str
+    """
     headings, cells = rows(numbers)
-    texts = sum(decimals is None for _, decimals in _HEADINGS.values())
-    lines = [f"**Methods of adjustment, {scanner}.**", "", "| " + " | ".join(headings) + " |"]
-    lines.append("|" + "---|" * texts + "---:|" * (len(headings) - texts))
-    lines += ["| " + " | ".join(line) + " |" for line in cells]
+    table = markdown_table(headings, cells, [place >= TEXTS for place in range(len(headings))])
+    lines = [f"**Methods of adjustment, {scanner}.**", "", *table]
     lines += ["", *verdict(numbers), "", _note(numbers)]
     if simulated:
-        lines += ["", "The recordings are simulated."]
+        lines += ["", SIMULATED]
     return "\n".join(lines) + "\n"
 
 
@@ -137,6 +152,10 @@ def draw(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> Figure:
         For the title.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     panels = [panel for panel in _PANELS if set(panel[2]) <= set(numbers)]
     with style():
@@ -148,23 +167,15 @@ def draw(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> Figure:
             ax.set_xlabel(f"[{unit}], logarithmic" if logarithmic else f"[{unit}]")
         first = all_axes[0]
         first.set_yticks(range(len(numbers)), [str(name) for name in numbers["name"]])
-        for label, arm in zip(first.get_yticklabels(), numbers["arm"], strict=True):
-            if arm in (DEFAULT, PRINTED):
+        for label, method in zip(first.get_yticklabels(), numbers["method"], strict=True):
+            if method in (DEFAULT, PRINTED):
                 label.set_fontweight("bold")
         first.set_ylim(len(numbers) - 0.5, -0.5)
-        handles, labels = first.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower left", ncols=3, borderpad=0.1)
-        figure.suptitle(
-            f"{scanner}: methods of adjustment, residuals and errors of the parameters"
-            if len(panels) == len(_PANELS)
-            else f"{scanner}: methods of adjustment, residuals",
-            x=0.01, ha="left", fontsize=9.0, fontweight="bold",
-        )  # fmt: skip
-        if simulated:
-            figure.text(
-                0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=6.5,
-                color=GREY, fontstyle="italic",
-            )  # fmt: skip
+        what = "residuals and errors of the parameters"
+        title = f"{scanner}: methods of adjustment, " + (
+            what if len(panels) == len(_PANELS) else "residuals"
+        )
+        finish(figure, first, title, simulated=simulated, ncols=3)
     return figure
 
 
@@ -195,7 +206,7 @@ def _dots(ax: Axes, numbers: pd.DataFrame, columns: Sequence[str], *, logarithmi
         ax.plot(values[:, 0], y, "o", color="black", markersize=4.2, clip_on=False, zorder=3)
         return
     seen = numbers["other_seen"].to_numpy(dtype=bool)
-    ax.hlines(y, values.min(axis=1), values.max(axis=1), color="#BDBDBD", linewidth=1.0)
+    ax.hlines(y, values.min(axis=1), values.max(axis=1), color=CONNECTION, linewidth=1.0)
     ax.plot(
         values[:, 0], y, "o", color=AFTER, markersize=4.2, clip_on=False, zorder=4,
         label="calibration data",
@@ -218,7 +229,7 @@ def section(numbers: pd.DataFrame | None, png: bytes) -> dict[str, Any] | None:
     headings, cells = rows(numbers)
     return {
         "headings": headings,
-        "texts": sum(decimals is None for _, decimals in _HEADINGS.values()),
+        "texts": TEXTS,
         "rows": cells,
         "verdict": verdict(numbers),
         "note": _note(numbers),

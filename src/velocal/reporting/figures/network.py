@@ -11,7 +11,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from velocal.reporting.figures.lasers import AFTER, BEFORE, GREY, style
+from velocal.reporting.style import AFTER, BEFORE, GREY, style
 
 Array = NDArray[np.float64]
 
@@ -42,6 +42,10 @@ def draw_network(content: Mapping[str, Any], *, simulated: bool) -> Figure:
         ``adjustments`` and ``points`` as `Survey.to_json` gives them.
     simulated : bool
         Said in the title.
+
+    Returns
+    -------
+    Figure
     """
     points = content["points"]
     with style():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from velocal.geometry.planes import Patch
 from velocal.geometry.rigid import RigidTransformation
 from velocal.reduction.assignment import NO_PLANE, Limits, assign
-from velocal.reporting.figures.lasers import COLOURS, DARK, GREY, finish, style
+from velocal.reporting.style import COLOURS, DARK, GREY, finish, style
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
@@ -143,6 +143,10 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
     """
     positions = list(dict.fromkeys(numbers["position"]))
     seen = numbers[["x_m", "y_m"]].to_numpy()
@@ -165,7 +169,7 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
         finish(
             figure, axes[0],
             f"{selection['scanner']}: test field in plan, medians measured from each position",
-            simulated, ncols=4,
+            simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from velocal.reporting.figures.lasers import COLOURS, GREY, style
+from velocal.io.markup import markdown_table
+from velocal.reporting.style import COLOURS, finish, laser_axis, reference, style
 from velocal.scanner.models import scanner_named
 
 Array = NDArray[np.float64]
@@ -31,8 +31,8 @@ TABLE: Mapping[str, int | None] = {
     "range_m": 1,
     "incidence_deg": 0,
     "tilt_deg": 0,
+    "rms_cm": 2,
     "std_cm": 2,
-    "mean_std_cm": 2,
     "pooled_rms_cm": 2,
     "spread_cm": 2,
     "flatness_mean_cm": 2,
@@ -40,8 +40,8 @@ TABLE: Mapping[str, int | None] = {
     "finding": None,
 }
 _NOTE = (
-    "s is the distance along the beam to the plane. std: mean over the lasers of the root mean "
-    "square of s about zero; mean_std: of the standard deviation of s about the mean of the "
+    "s is the distance along the beam to the plane. rms: mean over the lasers of the root mean "
+    "square of s about zero; std: of the standard deviation of s about the mean of the "
     "laser, which offsets of the lasers do not enter; pooled_rms: of all s; spread: of single "
     "returns in an angle cell, where the recording has enough rotations; it holds the slope of "
     "the plane within the cell; trimmed: points left out as outliers; tilt: 0 for a level "
@@ -74,6 +74,10 @@ def field_planes(
         deviation of the datasheet, drawn as a dashed line.
     findings : sequence of str
         Said below the title.
+
+    Returns
+    -------
+    Figure
     """
     sigma_cm = float(facts["sigma_cm"])
     n_lasers = scanner_named(facts["scanner"]).n_lasers
@@ -96,16 +100,9 @@ def field_planes(
         above.tick_params(labelbottom=False)
         _per_laser(below, lasers, looks, "std_cm", sigma_cm)
         below.set_title("s about the mean of the laser on that plane")
-        below.set_xlim(0.2, n_lasers + 0.8)
-        step = 4 if n_lasers > 16 else 2
-        below.set_xticks([1, *range(step, n_lasers + 1, step)])
-        below.xaxis.set_minor_locator(MultipleLocator(1))
+        laser_axis(below, n_lasers)
         below.set_xlabel("laser")
-        figure.suptitle(
-            "\n".join([title, *findings]), x=0.01, ha="left", fontsize=9.0, fontweight="bold"
-        )
-        handles, labels = below.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower left", ncols=7, borderpad=0.1)
+        finish(figure, below, "\n".join([title, *findings]), simulated=False, ncols=7)
     return figure
 
 
@@ -159,10 +156,7 @@ def _per_laser(
             rows["laser_id"] + 1, rows[column], linestyle="", markersize=3.6, alpha=0.9,
             markeredgewidth=0.0, label=name, clip_on=False, zorder=3, **look,
         )  # fmt: skip
-    ax.axhline(
-        sigma_cm, color=GREY, linewidth=0.9, linestyle=(0, (5, 3)),
-        label=f"datasheet σ = {sigma_cm:g} cm",
-    )  # fmt: skip
+    reference(ax, sigma_cm, f"datasheet σ = {sigma_cm:g} cm")
     largest = float(np.nanmax(lasers[column])) if lasers[column].notna().any() else 0.0
     ax.set_ylim(0.0, 1.08 * max(largest, sigma_cm))
     ax.set_ylabel("std of s [cm]")
@@ -175,13 +169,17 @@ def field_markdown(table: pd.DataFrame) -> str:
     ----------
     table : DataFrame
         Columns `TABLE`.
+
+    Returns
+    -------
+    str
     """
-    lines = ["**Planes in recordings without a survey.**", "", "| " + " | ".join(TABLE) + " |"]
-    lines.append("|" + "|".join("---" if d is None else "---:" for d in TABLE.values()) + "|")
-    for row in table.to_dict(orient="records"):
-        cells = [
+    cells = [
+        [
             "" if pd.isna(row[name]) else str(row[name]) if d is None else f"{row[name]:.{d}f}"
             for name, d in TABLE.items()
         ]
-        lines.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
-    return "\n".join([*lines, "", _NOTE]) + "\n"
+        for row in table.to_dict(orient="records")
+    ]
+    lines = markdown_table(list(TABLE), cells, [d is not None for d in TABLE.values()])
+    return "\n".join(["**Planes in recordings without a survey.**", "", *lines, "", _NOTE]) + "\n"

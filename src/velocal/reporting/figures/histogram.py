@@ -1,0 +1,150 @@
+"""Histogram of the residuals of one laser before and after, and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from velocal.errors import ConfigError, VelocalError
+from velocal.reporting.style import AFTER, BEFORE, DASHED, GREY, finish, samples_title, style
+
+#: Widths of histogram bins to choose from, cm, and about how many bins to have.
+_BIN_WIDTHS_CM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+_BINS = 60
+
+
+def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
+    """Histogram of the residuals of one laser before and after, in the same bins.
+
+    Parameters
+    ----------
+    before_m, after_m : ndarray
+        Residuals s, metres.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``from_cm``, ``to_cm``, ``before``, ``after`` (counts). Bins are symmetrical about
+        zero and hold 99.8 % of the residuals; what lies beyond is counted in an open bin at
+        either end.
+
+    Raises
+    ------
+    VelocalError
+        If there are no residuals.
+    """
+    before, after = (np.asarray(s, dtype=float) * 1e2 for s in (before_m, after_m))
+    if not before.size:
+        raise VelocalError(
+            "the laser has no residuals: it hit no plane",
+            where="figures",
+            hint="Choose another laser, or look at the assignment of that sample.",
+        )
+    limit = float(np.quantile(np.abs(np.concatenate([before, after])), 0.998))
+    width = next((w for w in _BIN_WIDTHS_CM if 2 * limit / w <= _BINS), _BIN_WIDTHS_CM[-1])
+    half = max(int(np.ceil(limit / width)), 1)
+    # Whole multiples, so that edges print without digits of rounding.
+    edges = np.round(np.arange(-half, half + 1) * width, 6) + 0.0
+    bounds = np.concatenate([[-np.inf], edges, [np.inf]])
+    return pd.DataFrame(
+        {
+            "from_cm": bounds[:-1],
+            "to_cm": bounds[1:],
+            # Bins are closed below: [from, to).
+            "before": _counts(before, edges),
+            "after": _counts(after, edges),
+        }
+    )
+
+
+def _counts(s_cm: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.int64]:
+    index = np.searchsorted(edges, s_cm, side="right")
+    return np.bincount(index, minlength=len(edges) + 1).astype(np.int64)
+
+
+def draw_histogram(
+    numbers: pd.DataFrame, selection: Mapping[str, Any], *, sigma_cm: float, simulated: bool
+) -> Figure:
+    """Draw the numbers of `histogram`: two panels with the same axes.
+
+    Parameters
+    ----------
+    numbers : DataFrame
+    selection : mapping
+        Entry of the configuration.
+    sigma_cm : float
+        Standard deviation of the datasheet, dashed on both sides of zero.
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
+    """
+    inner = numbers[np.isfinite(numbers["from_cm"]) & np.isfinite(numbers["to_cm"])]
+    edges = np.append(inner["from_cm"].to_numpy(), inner["to_cm"].to_numpy()[-1])
+    with style():
+        figure = Figure(figsize=(7.0, 3.0))
+        axes = figure.subplots(1, 2, sharex=True, sharey=True)
+        for ax, name, color, label in (
+            (axes[0], "before", BEFORE, "before (factory)"),
+            (axes[1], "after", AFTER, "after (adjusted)"),
+        ):
+            ax.stairs(inner[name], edges, fill=True, color=color, alpha=0.85, linewidth=0.0)
+            ax.axvline(0.0, color="black", linewidth=0.6)
+            for sign in (-1.0, 1.0):
+                ax.axvline(sign * sigma_cm, color=GREY, linewidth=0.9, linestyle=DASHED)
+            beyond = int(numbers[name].sum() - inner[name].sum())
+            note = f"n = {int(numbers[name].sum())}" + (f", {beyond} beyond" if beyond else "")
+            ax.text(0.98, 0.97, note, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
+            ax.set_title(label, fontsize=8.5, fontweight="normal", color=color)
+        axes[0].set_xlim(min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm))
+        # Few, or the last label of one panel runs into the first of the other.
+        axes[0].xaxis.set_major_locator(MaxNLocator(5))
+        figure.supxlabel("residual s [cm]", fontsize=8.5)
+        axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
+        what = f"residuals of laser {selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm"
+        finish(figure, None, samples_title(selection, what), simulated=simulated)
+    return figure
+
+
+def residuals_of(
+    tables: Sequence[Mapping[str, NDArray[Any]]], selection: Mapping[str, Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Residuals of one laser before and after, out of the windows' tables of residuals.
+
+    Parameters
+    ----------
+    tables : sequence of mapping
+        Columns of `schemas.RESIDUALS`, one table per window.
+    selection : mapping
+        Entry of the configuration; ``laser`` counts from 1 as in the paper.
+
+    Returns
+    -------
+    before_m, after_m : ndarray
+        Residuals with the factory's parameters, and with those of the window; metres.
+
+    Raises
+    ------
+    ConfigError
+        If no laser is given, or other data than the windows' medians are asked for.
+    """
+    if "laser" not in selection or selection["data"] != "calibration":
+        raise ConfigError(
+            f"histogram of {selection['data']} data, laser {selection.get('laser')}",
+            where="figures",
+            allowed="data: calibration, and a laser counted from 1",
+        )
+    laser_id = int(selection["laser"]) - 1
+    parts = [
+        [np.asarray(table[name])[table["laser_id"] == laser_id] for table in tables]
+        for name in ("before_m", "after_m")
+    ]
+    return np.concatenate(parts[0]), np.concatenate(parts[1])

@@ -1,0 +1,132 @@
+"""The look of all figures: colours, settings of matplotlib, title, legend and note, files.
+
+Colours are those of Okabe and Ito; the two states differ in shape and fill as well, for print
+without colour. The bytes of a figure depend on nothing but its numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from velocal.io.storage import atomic
+
+BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
+#: Okabe and Ito, without black and yellow.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+#: Dashes of a reference line.
+DASHED = (0, (5, 3))
+
+#: Settings of matplotlib on top of its own defaults.
+STYLE: Mapping[Any, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.6,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.4,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 300,
+    "svg.hashsalt": "velocal",
+    "svg.fonttype": "path",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The one style of all figures, whatever the user's matplotlibrc says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def save(figure: Figure, svg: Path, png: Path) -> None:
+    """Write a figure as SVG and PNG without anything that changes from run to run.
+
+    Parameters
+    ----------
+    figure : Figure
+    svg, png : Path
+    """
+    with style():
+        FigureCanvasAgg(figure)
+        for path, metadata in (
+            (svg, {"Date": None, "Creator": None}),
+            (png, {"Software": None}),
+        ):
+            with atomic(path) as temporary:
+                figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+
+
+def finish(figure: Figure, ax: Axes | None, title: str, *, simulated: bool, **legend: Any) -> None:
+    """Put the title above, the legend of an axes below, and the note on simulated recordings.
+
+    Parameters
+    ----------
+    figure : Figure
+    ax : Axes or None
+        Whose legend it is; no legend if None.
+    title : str
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+    **legend
+        Options of `Figure.legend`.
+    """
+    figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
+    if ax is not None:
+        handles, labels = ax.get_legend_handles_labels()
+        options = {"ncols": len(labels), "borderpad": 0.1, **legend}
+        figure.legend(handles, labels, loc="outside lower left", **options)
+    if simulated:
+        figure.text(
+            0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=7.0,
+            color=GREY, fontstyle="italic",
+        )  # fmt: skip
+
+
+def reference(ax: Axes, value: float, label: str) -> None:
+    """Draw a dashed horizontal line that the values are compared with.
+
+    Parameters
+    ----------
+    ax : Axes
+    value : float
+    label : str
+        For the legend.
+    """
+    ax.axhline(value, color=GREY, linewidth=0.9, linestyle=DASHED, label=label)
+
+
+def laser_axis(ax: Axes, n_lasers: int) -> None:
+    """Scale the horizontal axis for lasers, counted from 1."""
+    ax.set_xlim(0.2, n_lasers + 0.8)
+    step = 4 if n_lasers > 16 else 2 if n_lasers > 8 else 1
+    ax.set_xticks([1, *range(step, n_lasers + 1, step)])
+    ax.xaxis.set_minor_locator(MultipleLocator(1))
+
+
+def samples_title(selection: Mapping[str, Any], what: str) -> str:
+    """Title of a figure of some samples: scanner, data, samples, and what is shown."""
+    samples = ", ".join(map(str, selection["samples"]))
+    return f"{selection['scanner']}, {selection['data']} data ({samples}): {what}"

@@ -1,0 +1,78 @@
+"""Files that a study names: they exist, and a survey holds targets of what the study uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import pandas as pd
+
+from velocal.errors import ConfigError
+from velocal.study.config import Coordinates
+from velocal.study.samples import NOMINAL, OutdoorSample, Sample, embedded_path
+from velocal.study.study import Study
+
+
+def check_files(study: Study, where: str) -> None:
+    """Check the files that no rule makes; without this, old results would hide a missing one.
+
+    Parameters
+    ----------
+    study : Study
+    where : str
+        How to call the configuration in errors.
+
+    Raises
+    ------
+    ConfigError
+        If a file is missing, or a survey file has no target of a plane, a scanner or a position
+        that the study uses.
+    """
+    made, folder = study.made_files(), study.config.folder
+    given = {NOMINAL, *(embedded_path(folder, name) for name in study.samples)}
+    hint = (
+        "Put it there, or name another; paths are relative to the folder in which snakemake runs."
+    )
+    if made:
+        hint += f" Simulated files lie below {folder}/simulation, each under its sample's name."
+    for what, path in _named(study):
+        if path not in made | given and not Path(path).is_file():
+            raise ConfigError(f"{what}: no file {path!r}", where=where, hint=hint)
+    if study.surveyed and isinstance(study.config.survey, Coordinates):
+        survey = study.config.survey
+        scanners, positions = study.scanners, list(study.positions)
+        _check_targets("survey.planes", survey.planes, "plane", study.assignment.planes)
+        _check_targets("survey.base_scanner", survey.base_scanner, "scanner", scanners)
+        _check_targets("survey.base_site", survey.base_site, "position", positions)
+
+
+def _named(study: Study) -> Iterable[tuple[str, str]]:
+    """What every file of a study is, and its path."""
+    if study.observations:
+        for key, path in study.observations.plain().items():
+            if path is not None:
+                yield f"survey.observations.{key}", path
+    elif study.config.survey:
+        for key, path in study.config.survey.plain().items():
+            yield f"survey.{key}", path
+    samples: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
+    for sample in samples:
+        yield f"recording of sample {sample.name!r}", sample.recording
+        yield f"calibration of sample {sample.name!r}", sample.calibration
+
+
+def _check_targets(key: str, path: str, column: str, wanted: Iterable[str]) -> None:
+    """Check that a survey file has targets of every plane, scanner or position that is used."""
+    try:
+        table = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
+        found = list(dict.fromkeys(table[column].str.strip()))
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError(f"{key}: cannot be read: {error}", where=path) from None
+    for name in wanted:
+        if name not in found:
+            raise ConfigError(
+                f"{key}: there is no target of {column} {name!r}",
+                where=path,
+                allowed=", ".join(found) or None,
+                hint="Write the surveyed targets into this file, below its heading.",
+            )

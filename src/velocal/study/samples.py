@@ -1,0 +1,196 @@
+"""Sample tables: one recording a row, typed and checked."""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import pandas as pd
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from velocal.errors import ConfigError
+from velocal.scanner.models import SCANNERS
+from velocal.study.model import Name, Positive, ScannerName, Section, Text, validated
+
+#: Windows of a surveyed sample, and the only one of a sample without a survey.
+WINDOWS = ("beginning", "middle", "end")
+WHOLE = "all"
+#: What the column `calibration` may say instead of naming a file.
+NOMINAL, EMBEDDED = "nominal", "embedded"
+
+#: An empty cell means that nothing is chosen.
+_Any = BeforeValidator(lambda cell: None if cell == "" else cell)
+
+
+class Row(Section):
+    """What every row of a sample table says; cells are text, and numbers are read from it."""
+
+    model_config = ConfigDict(strict=False)
+
+    name: Name = Field(
+        alias="sample", description="name of the recording: letters, digits, `_` and `-`; unique"
+    )
+    scanner: ScannerName = Field(description="scanner that made the recording; `HDL-64E` is an S2")
+    recording: Text = Field(
+        description="path of the capture: records of 1206 or 1248 bytes, pcap, pcapng, any of "
+        "them gzipped, or a file of a ROS bag (`docs/file-formats.md`)"
+    )
+    calibration: Text = Field(
+        description="path of the factory's calibration (`.xml` as Velodyne ships it, ROS `.yaml`, "
+        "or our `.csv`), `nominal`, or `embedded`"
+    )
+
+
+class Sample(Row):
+    """A recording indoors, one scanner of which may be chosen."""
+
+    port: Annotated[int | None, Field(ge=1, le=65535), _Any] = Field(
+        default=None,
+        description="UDP port to which this scanner sent, where a capture holds several scanners; "
+        "an empty cell means any",
+    )
+    address: Annotated[str | None, Field(pattern=r"^([0-9.]+|/[A-Za-z0-9_/]+)$"), _Any] = Field(
+        default=None,
+        description="IPv4 address from which this scanner sent, or its topic in a bag; an empty "
+        "cell means any",
+    )
+
+    @property
+    def windows(self) -> tuple[str, ...]:
+        """Windows of the recording that are reduced."""
+        return (WHOLE,)
+
+
+class SurveyedSample(Sample):
+    """A recording at a surveyed position."""
+
+    position: Name = Field(
+        description="surveyed position, as in `survey.base_site`; a position belongs to one scanner"
+    )
+
+    @property
+    def windows(self) -> tuple[str, ...]:
+        """Windows of the recording that are reduced."""
+        return WINDOWS
+
+
+class UnsurveyedSample(Sample):
+    """A recording without a survey."""
+
+
+class OutdoorSample(Row):
+    """A recording of panels outdoors."""
+
+    kind: Literal["ideal", "real"] = Field(
+        description='conditions; means, figures and the set shown as "after" are per kind and '
+        "scanner"
+    )
+    scene: Name = Field(
+        description="where the recording was made; for a simulated one a scene of the world "
+        "(`ideal1`, `real15`)"
+    )
+    distance_m: Positive = Field(
+        description="about how far the panels stand from the scanner, horizontally"
+    )
+    azimuth_deg: float = Field(
+        description="about where the middle between the panels is, clockwise from the scanner's "
+        "Y axis"
+    )
+
+
+_Row = TypeVar("_Row", bound=Row)
+
+
+def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
+    """Read a tab-separated sample table; `#` begins a comment.
+
+    Parameters
+    ----------
+    path : Path
+    kind : type of Row
+        What a row says.
+
+    Returns
+    -------
+    dict of str to Row
+        By name of the sample.
+
+    Raises
+    ------
+    ConfigError
+        If the file, a column or a cell is wrong, or a sample occurs twice.
+    """
+    try:
+        table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
+    found: dict[str, _Row] = {}
+    for number, row in enumerate(table.to_dict(orient="records"), start=1):
+        where = f"{path}, row {number}"
+        cells: dict[str, Any] = {str(key): str(value).strip() for key, value in row.items()}
+        sample = validated(kind, cells, where)
+        if sample.name in found:
+            raise ConfigError(
+                f"sample {sample.name!r} occurs twice",
+                where=where,
+                hint=f"It stands in row {list(found).index(sample.name) + 1} already; every "
+                "recording needs its own name.",
+            )
+        found[sample.name] = sample
+    return found
+
+
+def embedded_path(results: str, sample: str) -> str:
+    """Path of the calibration that is read from the recording of a sample."""
+    return f"{results}/recordings/{sample}/calibration.xml"
+
+
+def with_embedded(
+    samples: MutableMapping[str, _Row],
+    results: str,
+    where: str,
+    first: MutableMapping[str, str] | None = None,
+) -> dict[str, _Row]:
+    """Put the path of the calibration in a recording where the table says `embedded`.
+
+    Parameters
+    ----------
+    samples : mapping of str to Row
+    results, where : str
+        Folder of the results; how to call the sample table in errors.
+    first : mapping of str to str, optional
+        First sample of every scanner so far; it is filled. Samples of a scanner share what the
+        recording of its first sample holds. Without it every recording is its own source.
+
+    Returns
+    -------
+    dict of str to Row
+
+    Raises
+    ------
+    ConfigError
+        If the scanner sends no calibration.
+    """
+    found = dict(samples)
+    for name, sample in samples.items():
+        if sample.calibration != EMBEDDED:
+            continue
+        if not SCANNERS[sample.scanner].embeds_calibration:
+            senders = [scanner.name for scanner in SCANNERS.values() if scanner.embeds_calibration]
+            raise ConfigError(
+                f"sample {name!r}: {sample.scanner} sends no calibration in its packets",
+                where=where,
+                allowed=f"'{EMBEDDED}' for {' and '.join(senders)}",
+                hint="Name a calibration file, or `nominal`. An HDL-64E S2 sends its calibration "
+                "from firmware 4.07 on.",
+            )
+        source = name if first is None else first.setdefault(sample.scanner, name)
+        path = embedded_path(results, source)
+        found[name] = sample.model_copy(update={"calibration": path})
+    return found
+
+
+def scanners_of(samples: Sequence[Row]) -> list[str]:
+    """Scanners of samples, in order of appearance."""
+    return list(dict.fromkeys(sample.scanner for sample in samples))

@@ -1,0 +1,344 @@
+"""A study: its typed configuration with its sample tables, checked before anything is planned.
+
+Every fault is one `ConfigError` that names the file, the row or key, and what is allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from velocal.errors import ConfigError
+from velocal.study.config import (
+    Adjustment,
+    Assignment,
+    Coordinates,
+    Methods,
+    ObservationFiles,
+    Observations,
+    StudyConfig,
+    Validation,
+    Windows,
+)
+from velocal.study.model import Section, validated
+from velocal.study.samples import (
+    OutdoorSample,
+    SurveyedSample,
+    UnsurveyedSample,
+    read_samples,
+    scanners_of,
+    with_embedded,
+)
+
+_Section = TypeVar("_Section", bound=Section)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked configuration with its samples.
+
+    Attributes
+    ----------
+    config : StudyConfig
+    surveyed : dict of str to SurveyedSample
+    unsurveyed : dict of str to UnsurveyedSample
+    outdoor : dict of str to OutdoorSample
+        Samples of panels outdoors.
+    """
+
+    config: StudyConfig
+    surveyed: dict[str, SurveyedSample]
+    unsurveyed: dict[str, UnsurveyedSample]
+    outdoor: dict[str, OutdoorSample]
+
+    @property
+    def samples(self) -> dict[str, SurveyedSample | UnsurveyedSample]:
+        """Samples with and without a survey, not those outdoors."""
+        return {**self.surveyed, **self.unsurveyed}
+
+    @property
+    def scanners(self) -> list[str]:
+        """Scanners of the surveyed samples, in order of appearance."""
+        return scanners_of([*self.surveyed.values()])
+
+    @property
+    def positions(self) -> dict[str, str]:
+        """Scanner of every surveyed position."""
+        return {sample.position: sample.scanner for sample in self.surveyed.values()}
+
+    @property
+    def factories(self) -> dict[str, str]:
+        """Calibration file of the factory for every surveyed scanner; `nominal` is none."""
+        return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
+
+    @property
+    def windows(self) -> Windows:
+        """Section `windows` of a study with surveyed samples."""
+        return _given(self.config.windows)
+
+    @property
+    def assignment(self) -> Assignment:
+        """Section `assignment` of a study with surveyed samples."""
+        return _given(self.config.assignment)
+
+    @property
+    def validation(self) -> Validation:
+        """Section `validation` of a study with surveyed samples."""
+        return _given(self.config.validation)
+
+    def adjustment(self, scanner: str) -> Adjustment:
+        """Section `adjustment` of a study with surveyed samples, as it holds for a scanner."""
+        return _given(self.config.adjustment).of(scanner)
+
+    @property
+    def average(self) -> Literal["equal", "covariance"]:
+        """Weights of the samples of a parameter set: `equal` or `covariance`."""
+        return _given(self.config.adjustment).average
+
+    @property
+    def parameter_sets(self) -> Mapping[str, Mapping[str, tuple[str, ...]]]:
+        """Samples of every parameter set, by scanner."""
+        return self.config.parameter_sets
+
+    @property
+    def observations(self) -> ObservationFiles | None:
+        """Observation files of the survey; None if coordinates are handed over."""
+        survey = self.config.survey
+        return survey.observations if isinstance(survey, Observations) else None
+
+    @property
+    def coordinates(self) -> Coordinates | None:
+        """Survey files of coordinates: as handed over, or adjusted from the observations."""
+        if self.observations is None:
+            survey = self.config.survey
+            return survey if isinstance(survey, Coordinates) else None
+        made = f"{self.config.folder}/survey"
+        return Coordinates(
+            planes=f"{made}/planes.csv",
+            base_scanner=f"{made}/base_scanner.csv",
+            base_site=f"{made}/base_field.csv",
+        )
+
+    def made_files(self) -> set[str]:
+        """Files that the rules of the simulated world make; none without one."""
+        if self.config.simulation is None:
+            return set()
+        made = f"{self.config.folder}/simulation"
+        return {
+            *(f"{made}/recordings/{name}.bin" for name in [*self.surveyed, *self.outdoor]),
+            *(f"{made}/factory/{scanner}.xml" for scanner in self.scanners),
+            *(f"{made}/survey/{name}.csv" for name in SIMULATED_SURVEY),
+        }
+
+
+#: Observation files that the simulated surveyor hands over, in the order of `ObservationFiles`.
+SIMULATED_SURVEY = ("points", "network", "images", "base_sights", "base_readings")
+
+
+def read_study(config: Mapping[str, Any], where: str) -> Study:
+    """Check a configuration and read its sample tables.
+
+    Parameters
+    ----------
+    config : mapping
+        Content of the configuration file.
+    where : str
+        How to call the configuration in errors.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    ConfigError
+        For the first fault found.
+    """
+    return with_samples(validated(StudyConfig, config, where), where)
+
+
+def with_samples(settings: StudyConfig, where: str) -> Study:
+    """Read the sample tables of a configuration, and check that the names in both agree.
+
+    Parameters
+    ----------
+    settings : StudyConfig
+    where : str
+        How to call the configuration in errors.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    ConfigError
+        For the first fault found.
+    """
+    results = settings.folder
+    embedded: dict[str, str] = {}
+    surveyed: dict[str, SurveyedSample] = {}
+    unsurveyed: dict[str, UnsurveyedSample] = {}
+    outdoor: dict[str, OutdoorSample] = {}
+    if settings.samples:
+        path = Path(settings.samples)
+        surveyed = with_embedded(read_samples(path, SurveyedSample), results, str(path), embedded)
+    if settings.unsurveyed:
+        path, folder = Path(settings.unsurveyed.samples), Path(settings.unsurveyed.recordings)
+        rows = {
+            name: row.model_copy(update={"recording": str(folder / row.recording)})
+            for name, row in read_samples(path, UnsurveyedSample).items()
+        }
+        unsurveyed = with_embedded(rows, results, str(path))
+    if settings.outdoor:
+        path = Path(settings.outdoor.samples)
+        outdoor = with_embedded(read_samples(path, OutdoorSample), results, str(path), embedded)
+    study = Study(settings, surveyed, unsurveyed, outdoor)
+    _check_samples(study, where)
+    _check_scanners(study, where)
+    _check_selections(study, where)
+    _check_outdoor(study, where)
+    return study
+
+
+def _given(section: _Section | None) -> _Section:
+    """Return a section of a study with surveyed samples, where the configuration must have it."""
+    if section is None:
+        raise ConfigError("the study has no surveyed samples", hint="Give `samples`.")
+    return section
+
+
+def _check_samples(study: Study, where: str) -> None:
+    """Check that samples have names of their own, and positions and scanners belong together."""
+    names = [*study.surveyed, *study.unsurveyed, *study.outdoor]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"sample {name!r} stands in two sample tables", where=where)
+    if not study.samples:
+        raise ConfigError("the sample tables have no row", where=where)
+    for sample in study.surveyed.values():
+        if sample.calibration != study.factories[sample.scanner]:
+            raise ConfigError(
+                f"the samples of {sample.scanner} name different calibration files",
+                where=where,
+                hint="Calibrate two units of one model in two studies.",
+            )
+        if study.positions[sample.position] != sample.scanner:
+            raise ConfigError(
+                f"position {sample.position!r} is used by two scanners",
+                where=where,
+                hint="The base targets of a position belong to one scanner: name another.",
+            )
+
+
+def _check_scanners(study: Study, where: str) -> None:
+    """Check that what is said of a scanner is said of one that has samples."""
+    adjustment = study.config.adjustment
+    all_of_them = scanners_of([*study.samples.values()])
+    for key, named, known in (
+        ("adjustment.by_scanner", adjustment.by_scanner if adjustment else {}, study.scanners),
+        ("reduction.azimuth_bin_deg", study.config.reduction.azimuth_bin_deg, all_of_them),
+        ("parameter_sets", study.parameter_sets, study.scanners),
+    ):
+        for scanner in named:
+            if scanner not in known:
+                raise ConfigError(
+                    f"{key}: no sample is of {scanner!r}",
+                    where=where,
+                    allowed=", ".join(known),
+                    hint="Remove the entry, or correct the scanner.",
+                )
+    for scanner in study.scanners:
+        if scanner not in study.parameter_sets:
+            raise ConfigError(f"parameter_sets has no {scanner!r}", where=where)
+
+
+def _check_selections(study: Study, where: str) -> None:
+    """Check that sets, tables, figures and methods name samples of their scanner."""
+    config = study.config
+    for scanner, sets in study.parameter_sets.items():
+        for name, samples in sets.items():
+            _check_names(study, f"parameter_sets.{scanner}.{name}", scanner, samples, where)
+    for key, table in config.tables.items():
+        _check_names(study, f"tables.{key}", table.scanner, table.samples, where)
+    for number, figure in config.figures.items():
+        samples = () if number in config.maps else figure.samples  # type: ignore[union-attr]
+        _check_names(study, f"figures.{number}", figure.scanner, samples, where)
+    for number, drawn in config.maps.items():
+        sets = study.parameter_sets.get(drawn.scanner, {})
+        if drawn.set not in sets:
+            raise ConfigError(
+                f"figures.{number}: no parameter set {drawn.set!r} of {drawn.scanner!r}",
+                where=where,
+                allowed=", ".join(sets),
+            )
+    if config.unsurveyed:
+        for name in config.unsurveyed.patches:
+            if name not in study.unsurveyed:
+                raise ConfigError(
+                    f"unsurveyed.patches: no sample {name!r}",
+                    where=where,
+                    allowed=", ".join(study.unsurveyed),
+                )
+    if config.methods:
+        _check_methods(study, config.methods, where)
+
+
+def _check_names(study: Study, key: str, scanner: str, samples: Iterable[str], where: str) -> None:
+    """Check that a key names surveyed samples of one scanner."""
+    known = [name for name, sample in study.surveyed.items() if sample.scanner == scanner]
+    for name in samples:
+        if name not in known:
+            other = study.surveyed.get(name)
+            what = (
+                f"sample {name!r} is of {other.scanner!r}, not of {scanner!r}"
+                if other
+                else (f"no sample {name!r}")
+            )
+            raise ConfigError(f"{key}: {what}", where=where, allowed=", ".join(known))
+
+
+def _check_methods(study: Study, methods: Methods, where: str) -> None:
+    """Check the samples that methods are compared on."""
+    for key, names in (("calibration", methods.calibration), ("other", methods.other)):
+        _check_names(study, f"methods.{key}", methods.scanner, names, where)
+    used = {study.surveyed[sample].position for sample in methods.calibration}
+    for name in methods.other:
+        if study.surveyed[name].position in used:
+            raise ConfigError(
+                f"methods.other: sample {name!r} is of a position that is calibrated on",
+                where=where,
+                hint="Methods are judged on a position that they did not see.",
+            )
+
+
+def _check_outdoor(study: Study, where: str) -> None:
+    """Check that outdoor samples have parameter sets of their unit, and figures have samples."""
+    outdoor, made = study.config.outdoor, study.made_files()
+    if outdoor is None:
+        return
+    for sample in study.outdoor.values():
+        if study.factories.get(sample.scanner) != sample.calibration:
+            raise ConfigError(
+                f"outdoor sample {sample.name!r}: {sample.calibration!r} is no calibration file "
+                f"of a surveyed sample of {sample.scanner}",
+                where=where,
+                allowed=", ".join(f"{path} ({unit})" for unit, path in study.factories.items()),
+                hint="Parameter sets are made from surveyed samples of the same unit.",
+            )
+        if sample.recording in made and outdoor.rotations is None:
+            raise ConfigError(
+                f"outdoor.rotations is missing, but sample {sample.name!r} is simulated",
+                where=where,
+                hint="Say how many complete rotations are simulated.",
+            )
+    known = {(sample.kind, sample.scanner) for sample in study.outdoor.values()}
+    for number, (kind, scanner) in outdoor.figures.items():
+        if (kind, scanner) not in known:
+            raise ConfigError(
+                f"outdoor.figures.{number}: no {kind} samples of {scanner}",
+                where=where,
+                allowed=", ".join(" ".join(pair) for pair in sorted(known)),
+            )

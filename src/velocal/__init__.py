@@ -25,27 +25,37 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
-    from velocal.adjustment.average import Member, average
-    from velocal.adjustment.result import CalibrationSet
-    from velocal.calibration.convert import convert, max_point_distance
-    from velocal.calibration.dialects import DIALECTS
-    from velocal.calibration.files.document import CalibrationFile
-    from velocal.calibration.files.formats import read_calibration
-    from velocal.calibration.lint import lint
-    from velocal.capture.ledger import Ledger
-    from velocal.chain import calibrate, read_parameters, residuals, write_calibration
-    from velocal.errors import VelocalError
-    from velocal.evaluation.statistics import LaserStatistics
-    from velocal.points.stream import stream_points
-    from velocal.recording.recording import Recording, open_recording
-    from velocal.recording.returns import Returns
-    from velocal.reduction.assignment import Limits
-    from velocal.scanner.beam import Beams
-    from velocal.scanner.models import SCANNERS, Scanner
-    from velocal.scanner.parameters import LaserParameters
-    from velocal.study.config import Adjustment
-    from velocal.survey.station import Station, adjust_station, read_station
-    from velocal.survey.targets import Targets, read_targets
+    from velocal.adjustment.average import Member as Member
+    from velocal.adjustment.average import average as average
+    from velocal.adjustment.result import CalibrationSet as CalibrationSet
+    from velocal.calibration.convert import convert as convert
+    from velocal.calibration.convert import max_point_distance as max_point_distance
+    from velocal.calibration.dialects import DIALECTS as DIALECTS
+    from velocal.calibration.files.document import CalibrationFile as CalibrationFile
+    from velocal.calibration.files.formats import read_calibration as read_calibration
+    from velocal.calibration.lint import lint as lint
+    from velocal.capture.ledger import Ledger as Ledger
+    from velocal.chain import calibrate as calibrate
+    from velocal.chain import read_parameters as read_parameters
+    from velocal.chain import residuals as residuals
+    from velocal.chain import write_calibration as write_calibration
+    from velocal.errors import VelocalError as VelocalError
+    from velocal.evaluation.statistics import LaserStatistics as LaserStatistics
+    from velocal.points.stream import stream_points as stream_points
+    from velocal.recording.recording import Recording as Recording
+    from velocal.recording.recording import open_recording as open_recording
+    from velocal.recording.returns import Returns as Returns
+    from velocal.reduction.assignment import Limits as Limits
+    from velocal.scanner.beam import Beams as Beams
+    from velocal.scanner.models import SCANNERS as SCANNERS
+    from velocal.scanner.models import Scanner as Scanner
+    from velocal.scanner.parameters import LaserParameters as LaserParameters
+    from velocal.study.config import Adjustment as Adjustment
+    from velocal.survey.station import Station as Station
+    from velocal.survey.station import adjust_station as adjust_station
+    from velocal.survey.station import read_station as read_station
+    from velocal.survey.targets import Targets as Targets
+    from velocal.survey.targets import read_targets as read_targets
 
 #: Module of every public name.
 _PLACES = {

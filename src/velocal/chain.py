@@ -55,7 +55,7 @@ def observe(
 def adjust(
     observations: Observations,
     factory: LaserParameters,
-    settings: Adjustment | None = None,
+    settings: Adjustment,
     survey: Sequence[SurveyUncertainty] = (),
 ) -> CalibrationSet:
     """Adjust the parameters of every laser on observed planes.
@@ -66,9 +66,8 @@ def adjust(
         Distances to planes, of all lasers.
     factory : LaserParameters
         Initial parameters.
-    settings : Adjustment, optional
-        Which parameters, how, and with which a-priori standard deviations; the recommended ones
-        if left out.
+    settings : Adjustment
+        Which parameters, how, and with which a-priori standard deviations.
     survey : sequence of SurveyUncertainty
         Uncertainty of every station; without it the survey is taken as free of errors.
 
@@ -81,9 +80,8 @@ def adjust(
     VelocalError
         If an adjusted parameter has no prior standard deviation.
     """
-    chosen = settings or Adjustment()
     results = adjust_all(
-        observations, factory, chosen.parameters, chosen.solver(), chosen.stochastic(survey)
+        observations, factory, settings.parameters, settings.solver(), settings.stochastic(survey)
     )
     return CalibrationSet.from_adjustments(results, factory)
 
@@ -107,8 +105,8 @@ def calibrate(
     factory : LaserParameters
         Initial parameters, to which the corrections will belong.
     settings : Adjustment, optional
-        Which parameters are adjusted, how, and with which a-priori standard deviations; those that
-        `velocal init` recommends if left out.
+        Which parameters are adjusted, how, and with which a-priori standard deviations; those of
+        `Adjustment.recommended` if left out.
     limits : Limits, optional
         What a median must satisfy to belong to a plane; `Limits()` if left out.
 
@@ -133,9 +131,9 @@ def calibrate(
     >>> len(found), int(found.observed.sum())
     (32, 32)
     """
-    return adjust(
-        observe(medians, station, factory, limits), factory, settings, [station.uncertainty()]
-    )
+    chosen = settings or Adjustment.recommended(scanner_named(station.scanner))
+    data = observe(medians, station, factory, limits)
+    return adjust(data, factory, chosen, [station.uncertainty()])
 
 
 def residuals(
@@ -294,6 +292,4 @@ def write_calibration(
         return
     given = calibration.adjusted if isinstance(calibration, CalibrationSet) else calibration
     converted = for_program(given, name)
-    formats.write(
-        Path(path), CalibrationFile(converted, name, known.name, known.distance_tick_m)
-    )
+    formats.write(Path(path), CalibrationFile(converted, name, known.name, known.distance_tick_m))

@@ -23,9 +23,7 @@ def write_example(folder: Path) -> None:
     formats.write(folder / "factory.xml", truth.factory_parameters(world, SCANNER))
     survey = adjust_field_book(field_book(world))
     write_targets(folder / "planes.csv", "plane", [survey.planes])
-    write_targets(
-        folder / "base_scanner.csv", "scanner", [survey.base_scanner[SCANNER].targets]
-    )
+    write_targets(folder / "base_scanner.csv", "scanner", [survey.base_scanner[SCANNER].targets])
     write_targets(folder / "base_site.csv", "position", [survey.base_site[POSITION]])
     station = adjust_station(
         folder / "planes.csv",

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.example import write_example
 
 import velocal
-from support.example import write_example
 
 ROOT = Path(__file__).parents[2]
 FUNCTIONS = [name for name in velocal._PLACES if inspect.isfunction(getattr(velocal, name))]

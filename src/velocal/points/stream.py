@@ -27,10 +27,10 @@ from velocal.arrays import Array
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, view
-from velocal.packets.firings import Firings, decode
 from velocal.packets.dual import check_choice
-from velocal.recording.recording import Recording
+from velocal.packets.firings import Firings, decode
 from velocal.recording.inspection import Inspection
+from velocal.recording.recording import Recording
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner

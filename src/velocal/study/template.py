@@ -57,8 +57,7 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
         "calibration": FACTORY if measured else "nominal",
-        "range_scale": 0.1 if measured else 0.02,
-        "repeatability": 1.2 if measured else 0.13,
+        "adjustment": Adjustment.recommended(known),
     }
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)

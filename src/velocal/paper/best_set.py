@@ -88,7 +88,7 @@ def best_set(rows: pd.DataFrame, of_what: str, where: str) -> Shown:
         raise VelocalError(
             f"{of_what}: a window without residuals",
             where=where,
-            hint="No return of it was assigned to a plane: look at assignment.gates.",
+            hint="No return of it was assigned to a plane: look at assignment.limits.",
         )
     return Shown(Role.SET, min(finite, key=lambda name: finite[name]), means)
 

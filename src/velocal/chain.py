@@ -282,7 +282,7 @@ def write_calibration(
     --------
     >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
     >>> velocal.write_calibration("copy.yaml", factory, "HDL-32E", program="ros")
-    >>> velocal.read_calibration("copy.yaml").parameters.dl[0] == factory.dl[0]
+    >>> bool(velocal.read_calibration("copy.yaml").parameters.dl[0] == factory.dl[0])
     True
     """
     known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from velocal.recording.returns import Returns, returns_of
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
-from velocal.reduction.medians import binned_medians
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 
@@ -209,11 +207,8 @@ class Recording:
             See `select`; usually a window such as "beginning".
         which : {"strongest", "last"}
             Which return, where a shot has two.
-        azimuth_bin_deg : float, optional
-            Width of an azimuth bin, degrees, a divisor of the turn; that of the scanner if left
-            out.
-        min_count : int
-            Returns that a bin needs to give a median.
+        azimuth_bin_deg, min_count
+            See `Returns.medians`.
 
         Returns
         -------
@@ -230,15 +225,7 @@ class Recording:
             If the bins do not divide the turn.
         """
         found = self.returns(rotations, length=length, which=which)
-        reduced = binned_medians(
-            found.azimuth,
-            found.laser_id,
-            found.distance,
-            lasers_per_firing=self.scanner.lasers_per_firing,
-            bin_ticks=self.scanner.azimuth_bin(azimuth_bin_deg),
-            min_count=min_count,
-        )
-        return Beams.from_ticks(asdict(reduced), self.scanner, found.rotation_rate_hz)
+        return found.medians(azimuth_bin_deg=azimuth_bin_deg, min_count=min_count)
 
     def stream_returns(
         self,
@@ -298,7 +285,7 @@ def open_recording(
     --------
     >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
     >>> len(recording.rotations), recording.ledger.unaccounted_bytes
-    (11, 0)
+    (12, 0)
     >>> returns = recording.returns("beginning", length=3)
     >>> len(returns) > len(returns.seen) > 0
     True

@@ -6,7 +6,7 @@ A calibration from Python, in the order of the work::
 
     recording = velocal.open_recording("capture.pcap", scanner="HDL-64E")
     station = velocal.adjust_station(
-        "planes.csv", "base_scanner.csv", "base_site.csv", position="P1", scanner="HDL-64E"
+        "planes.csv", "base_scanner.csv", "base_field.csv", position="P1", scanner="HDL-64E"
     )
     factory = velocal.read_parameters("factory.xml", "HDL-64E")
     windows = [recording.medians(window) for window in ("beginning", "middle", "end")]

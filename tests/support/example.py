@@ -24,11 +24,11 @@ def write_example(folder: Path) -> None:
     survey = adjust_field_book(field_book(world))
     write_targets(folder / "planes.csv", "plane", [survey.planes])
     write_targets(folder / "base_scanner.csv", "scanner", [survey.base_scanner[SCANNER].targets])
-    write_targets(folder / "base_site.csv", "position", [survey.base_site[POSITION]])
+    write_targets(folder / "base_field.csv", "position", [survey.base_site[POSITION]])
     station = adjust_station(
         folder / "planes.csv",
         folder / "base_scanner.csv",
-        folder / "base_site.csv",
+        folder / "base_field.csv",
         position=POSITION,
         scanner=SCANNER,
     )

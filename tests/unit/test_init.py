@@ -14,7 +14,7 @@ from velocal.study.schema import keys
 from velocal.study.study import read_study
 from velocal.survey.targets import read_targets
 
-GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_site": "position"}
+GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
 #: Keys that a study of one's own has no use for.
 NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "unsurveyed", "by_scanner", "outdoor"}
 #: A surveyor who hands over observations finds them in config/README.md.

@@ -304,7 +304,7 @@ def adjust_station(
 
     Examples
     --------
-    >>> files = "planes.csv", "base_scanner.csv", "base_site.csv"
+    >>> files = "planes.csv", "base_scanner.csv", "base_field.csv"
     >>> station = velocal.adjust_station(*files, position="P5", scanner="HDL-32E")
     >>> [plane.patch.name for plane in station.planes]
     ['short_wall', 'long_wall', 'floor']

@@ -12,7 +12,7 @@ from velocal.io.scripts import run
 from velocal.reporting.figures.plan import View, draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
-from velocal.study.config import AssignmentLimits
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 

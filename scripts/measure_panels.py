@@ -15,7 +15,7 @@ from velocal.io.scripts import run
 from velocal.recording.returns import read_short
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Panel, PanelFit
+from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
 
 

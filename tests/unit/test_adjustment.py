@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, joined
+from velocal.adjustment.lasers import adjust_all, adjust_laser
 from velocal.adjustment.linear import System
+from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.solvers import PaperModel, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError, VelocalError
 from velocal.paper.residual_form import PaperLiteral
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 from velocal.study.model import validated
 
 RNG = np.random.default_rng(1)

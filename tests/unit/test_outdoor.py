@@ -19,7 +19,7 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
-from velocal.study.config import Panel, PanelFit
+from velocal.study.planes import Panel, PanelFit
 
 SCANNER = "HDL-32E"
 BOXES = {

@@ -15,7 +15,7 @@ from velocal.reporting.figures import plan as plan_figure
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
-from velocal.study.config import AssignmentLimits
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station, read_station
 from velocal.survey.targets import write_targets

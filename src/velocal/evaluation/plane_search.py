@@ -27,7 +27,7 @@ from velocal.evaluation.planes_in_data import (
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
-from velocal.study.config import Box
+from velocal.study.planes import Box
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

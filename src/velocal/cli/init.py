@@ -1,4 +1,4 @@
-"""Begin a study of one's own."""
+"""Command that makes the folder of a new study."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from velocal.io import schemas, storage
 if TYPE_CHECKING:
     import laspy
 
-#: One array per field, as `placing.stream` gives them.
+#: One array per field, as `velocal.points.stream.stream` gives them.
 Columns = Mapping[str, NDArray[Any]]
 Write = Callable[[Columns], None]
 

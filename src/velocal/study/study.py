@@ -70,7 +70,7 @@ class Study:
 
     @property
     def factories(self) -> dict[str, str]:
-        """Calibration file of the factory for every surveyed scanner; `nominal` is none."""
+        """Calibration file of the factory for every surveyed scanner, or `nominal`."""
         return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
 
     @property

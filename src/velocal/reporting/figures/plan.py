@@ -69,13 +69,13 @@ class View:
 
 
 def plan(view: View, targets: Targets, limits: Limits) -> pd.DataFrame:
-    """Numbers of one panel, all in the field frame.
+    """Numbers of one panel, all in the site frame.
 
     Parameters
     ----------
     view : View
     targets : Targets
-        Of the planes, field frame.
+        Of the planes, site frame.
     limits : Limits
         Limits of the assignment, as in the study.
 

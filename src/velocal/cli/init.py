@@ -38,5 +38,5 @@ Next:
 2. Write the surveyed targets into {folder / "survey"}, and the names of the planes into
    {folder / "config.yaml"} (assignment: planes).
 3. cd {folder} && snakemake --cores 2
-The report will be {folder / "results/report.html"}; docs/how-to.md walks through all of it."""
+The report will be {folder / "results/report.html"}; docs/how-to.md explains every step."""
     )

@@ -110,6 +110,50 @@ def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells, columns=list(COLUMNS))
 
 
+def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
+    """Refuse an agreement that has become another one.
+
+    Parameters
+    ----------
+    agreement : DataFrame
+        Columns `COLUMNS`, all items of the study.
+    known : mapping of str to str
+        Items that are known to be missed, with the reason (`printed.known_misses`).
+
+    Returns
+    -------
+    DataFrame
+        The items that are missed, with the column ``reason``.
+
+    Raises
+    ------
+    VelocalError
+        If an item is missed that is not known to be, or a known miss is met or does not exist.
+    """
+    missed = agreement[agreement["within"] != "true"]
+    fresh = missed[~missed["item"].isin(list(known))]
+    faults = [
+        f"{row['item']}: printed {row['paper']:g}, reproduced {row['reproduced']:g}, "
+        f"allowed difference {row['tolerance']:g}"
+        for row in fresh.to_dict(orient="records")
+    ]
+    faults += [
+        f"{item}: is listed as a known miss, but it is not missed"
+        for item in known
+        if item not in set(missed["item"])
+    ]
+    if faults:
+        raise VelocalError(
+            f"{len(faults)} of {len(agreement)} items are not as they were:\n  "
+            + "\n  ".join(faults),
+            where="agreement with the paper",
+            allowed="the misses of known_misses.csv and no others",
+            hint="Numbers of the study have changed. If that is meant, change known_misses.csv and "
+            "give the reason of every miss.",
+        )
+    return missed.assign(reason=missed["item"].map(known))
+
+
 def judged(item: str, paper: float, reproduced: float, tolerance: float) -> dict[str, Any]:
     """Row of the agreement: numbers with three decimals, and the verdict that they give.
 

@@ -15,6 +15,7 @@ import pandas as pd
 
 _FOLDER = Path(__file__).parent / "data"
 TABLES, STATEMENTS = _FOLDER / "tables.csv", _FOLDER / "statements.csv"
+KNOWN_MISSES = _FOLDER / "known_misses.csv"
 
 #: What the item of a statement begins with in the agreement.
 PREFIX = "text "
@@ -114,6 +115,12 @@ def printed_rows() -> list[PrintedRow]:
 def printed_statements() -> pd.DataFrame:
     """Statements as printed: item, what, where, paper, unit, tolerance, tolerance_of_mean."""
     return pd.read_csv(STATEMENTS, comment="#")
+
+
+def known_misses() -> dict[str, str]:
+    """Items of the study (seed 2015) that are known to be missed, each with the reason."""
+    rows = pd.read_csv(KNOWN_MISSES)
+    return dict(zip(rows["item"], rows["reason"], strict=True))
 
 
 def tolerances_of_mean() -> dict[str, float]:

@@ -1,6 +1,7 @@
 """Time of the paper's n x n pseudo-inverse against the fast form, for n rows and 3 parameters.
 
-Usage: PYTHONPATH=tests python benchmarks/paper_model.py [n ...]      (default 200 500 1000; 2000 takes a while)
+Usage: PYTHONPATH=tests python benchmarks/paper_model.py [n ...]
+(default 200 500 1000; 2000 takes a while)
 """
 
 import sys

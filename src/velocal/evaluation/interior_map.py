@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets, common
-
-Array = NDArray[np.float64]
 
 #: The two calibrations that a map has.
 STATES = ("factory", "refined")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.candidates import Candidate
 from velocal.evaluation.planes_in_data import (
@@ -26,8 +27,6 @@ from velocal.evaluation.planes_in_data import (
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
 from velocal.study.config import Box, Panel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.planes_in_data import (
     MIN_LASERS,
@@ -29,7 +30,6 @@ from velocal.evaluation.planes_in_data import (
 from velocal.geometry.planes import Plane, fit_plane
 from velocal.study.config import Box
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Random planes of one round of the search, and the best of them that are looked at closely.

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import misclosure
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
@@ -21,7 +22,6 @@ from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box, PanelFit, PlaneSearch
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Lasers that must see a plane: two or three lines do not determine one.

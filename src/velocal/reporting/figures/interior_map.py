@@ -15,10 +15,9 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.evaluation.interior_map import STATES, Section
 from velocal.reporting.style import AFTER, BEFORE, DARK, finish, style
-
-Array = NDArray[np.float64]
 
 #: Heights are drawn upward at this share of their length, X and Y as they are.
 LIFT = 0.5

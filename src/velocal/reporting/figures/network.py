@@ -9,11 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.reporting.style import AFTER, BEFORE, GREY, style
-
-Array = NDArray[np.float64]
 
 #: Kind of point, its colour and marker size; the adjustments whose set-ups belong to it.
 KINDS = {

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.geometry.planes import Patch
 from velocal.geometry.rigid import RigidTransformation
 from velocal.reduction.assignment import NO_PLANE, Limits, assign
@@ -21,8 +22,6 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: What a row of the numbers is, besides the name of a plane for a median on it.
 OTHER, TARGET, OUTLINE, SCANNER, AHEAD = "other", "target", "outline", "scanner", "ahead"

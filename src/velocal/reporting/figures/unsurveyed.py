@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.io.markup import markdown_table
 from velocal.reporting.style import COLOURS, finish, laser_axis, reference, style
 from velocal.scanner.models import scanner_named
-
-Array = NDArray[np.float64]
 
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")

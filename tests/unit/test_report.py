@@ -104,7 +104,8 @@ FULL = report.Study(
     factories={"HDL-32E": FACTORY},
     field_table=pd.DataFrame({"sample": ["street"], "rms_cm": [0.61234567]}),
     field_pictures={"street": PNG},
-    methods=(METHODS, PNG),
+    methods=METHODS,
+    methods_png=PNG,
 )
 PAGE = report.render(FULL)
 

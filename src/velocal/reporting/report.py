@@ -7,7 +7,7 @@ The page holds no time and no path of the machine, so that identical results giv
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,13 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal.calibration.files import formats
 from velocal.evaluation.candidates import IDENTITY
-from velocal.evaluation.statistics import KEYS
-from velocal.io import provenance, storage
+from velocal.io import provenance
 from velocal.paper import agreement
 from velocal.paper.printed import CONTRADICTIONS, READING, TOLERANCES, printed_rows
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods, panels
-from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
 DATA = Path(__file__).parent
@@ -89,8 +86,10 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG by field sample.
-    methods : (DataFrame, bytes) or None
-        Numbers of the comparison of methods, and its picture.
+    methods : DataFrame or None
+        Numbers of the comparison of methods.
+    methods_png : bytes
+        Its picture.
     outdoor : DataFrame or None
         Means of the outdoor validation.
     outdoor_pictures : mapping of str to bytes
@@ -109,115 +108,10 @@ class Study:
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
-    methods: tuple[pd.DataFrame, bytes] | None = None
+    methods: pd.DataFrame | None = None
+    methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
     outdoor_pictures: Mapping[str, bytes] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Files:
-    """Files of a study, each with what it is of; whatever is missing has no section.
-
-    Attributes
-    ----------
-    ledgers : mapping of str to Path
-        JSON, by sample.
-    figures : mapping of str to (Path, Path)
-        Picture (PNG) and numbers (CSV), by number.
-    summary, agreement : Path or None
-        CSV.
-    surveys : sequence of Path
-        JSON of every position.
-    sets : mapping of (str, str) to Path
-        CSV, by scanner and name of the parameter set.
-    factories : mapping of str to (Path or None)
-        The factory's calibration by scanner; None for nominal values.
-    methods : (Path, Path) or None
-        Picture and numbers of the comparison of methods.
-    field_table : Path or None
-        CSV of the planes in recordings without a survey.
-    field_pictures : mapping of str to Path
-        PNG, by sample.
-    outdoor : Path or None
-        CSV of the means.
-    outdoor_pictures : mapping of str to Path
-        PNG, by number of the figure.
-    """
-
-    ledgers: Mapping[str, Path] = field(default_factory=dict)
-    figures: Mapping[str, tuple[Path, Path]] = field(default_factory=dict)
-    summary: Path | None = None
-    agreement: Path | None = None
-    surveys: Sequence[Path] = ()
-    sets: Mapping[tuple[str, str], Path] = field(default_factory=dict)
-    factories: Mapping[str, Path | None] = field(default_factory=dict)
-    methods: tuple[Path, Path] | None = None
-    field_table: Path | None = None
-    field_pictures: Mapping[str, Path] = field(default_factory=dict)
-    outdoor: Path | None = None
-    outdoor_pictures: Mapping[str, Path] = field(default_factory=dict)
-
-
-def read(
-    files: Files,
-    *,
-    title: str,
-    simulated: bool,
-    tables: Mapping[str, Mapping[str, Any]],
-    figures: Mapping[str, Mapping[str, Any]],
-) -> Study:
-    """Read what a study has found.
-
-    Parameters
-    ----------
-    files : Files
-    title, simulated
-        As in `Study`.
-    tables, figures : mapping of str to mapping
-        Entries of the configuration, by number.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    VelocalError
-        If a file is damaged.
-    """
-
-    def frame(path: Path) -> pd.DataFrame:
-        return pd.DataFrame(storage.read_csv(path, text=(*KEYS, *IDENTITY, "kind", "shown")))
-
-    def optional(path: Path | None) -> pd.DataFrame | None:
-        return None if path is None else frame(path)
-
-    sets: dict[str, dict[str, Any]] = {}
-    for (scanner, name), path in files.sets.items():
-        sets.setdefault(scanner, {})[name] = storage.read_csv(path)
-    return Study(
-        title=title,
-        simulated=simulated,
-        ledgers={sample: storage.read_json(path) for sample, path in files.ledgers.items()},
-        tables=tables,
-        summary=optional(files.summary),
-        agreement=optional(files.agreement),
-        figures=[
-            Figure(number, figures[number], frame(numbers), picture.read_bytes())
-            for number, (picture, numbers) in files.figures.items()
-        ],
-        surveys=[storage.read_json(path) for path in files.surveys],
-        sets=sets,
-        factories={
-            name: formats.read_or_nominal(path, scanner_named(name))
-            for name, path in files.factories.items()
-        },
-        field_table=optional(files.field_table),
-        field_pictures={name: path.read_bytes() for name, path in files.field_pictures.items()},
-        methods=(frame(files.methods[1]), files.methods[0].read_bytes()) if files.methods else None,
-        outdoor=optional(files.outdoor),
-        outdoor_pictures={name: path.read_bytes() for name, path in files.outdoor_pictures.items()},
-    )
 
 
 def render(study: Study) -> str:
@@ -246,6 +140,7 @@ def render(study: Study) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["fixed"] = fixed
+    environment.filters["base64"] = lambda png: base64.b64encode(png).decode("ascii")
     environment.filters["number"] = lambda value: f"{value:.7g}"
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
     cells = agreement.cells(study.agreement)
@@ -261,7 +156,7 @@ def render(study: Study) -> str:
         "figures": [
             {
                 "number": figure.number,
-                "png": base64.b64encode(figure.png).decode("ascii"),
+                "png": figure.png,
                 "caption": caption(figure.selection, figure.numbers),
             }
             for figure in study.figures
@@ -275,13 +170,12 @@ def render(study: Study) -> str:
             for scanner, sets in study.sets.items()
         },
         "ledgers": study.ledgers,
-        "methods": methods.section(*study.methods) if study.methods else None,
-        "outdoor": panels.section(study.outdoor, study.outdoor_pictures),
+        "methods": methods.section(study.methods),
+        "methods_png": study.methods_png,
+        "outdoor": panels.section(study.outdoor),
+        "outdoor_pictures": study.outdoor_pictures,
         "field": _plain(study.field_table),
-        "field_pictures": {
-            sample: base64.b64encode(png).decode("ascii")
-            for sample, png in study.field_pictures.items()
-        },
+        "field_pictures": study.field_pictures,
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
         "tolerances": TOLERANCES,
@@ -326,7 +220,7 @@ def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
+def _overview(summary: pd.DataFrame | None) -> list[dict[Hashable, Any]]:
     """Means over samples and windows, one row per scanner, data, role and set."""
     if summary is None:
         return []
@@ -334,13 +228,8 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
     names = [*STATISTICS.values(), "complies_zero", "complies_mean", "lasers"]
     scanners = list(dict.fromkeys(summary["scanner"]))
     summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
-    return [
-        {
-            **dict(zip(keys, key, strict=True)),
-            **{name: float(group[name].mean()) for name in names},
-        }
-        for key, group in summary.groupby(keys, sort=False)
-    ]
+    means = summary.groupby(keys, sort=False)[names].mean().reset_index()
+    return means.to_dict(orient="records")
 
 
 def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str, Any]]:

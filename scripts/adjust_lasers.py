@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from velocal.adjustment.lasers import adjust_all
-from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files.formats import read_or_nominal
+from velocal.chain import adjust
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
@@ -26,14 +25,7 @@ def main(
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
     station = read_station(survey)
     factory = read_or_nominal(calibration, scanner_named(scanner))
-    results = adjust_all(
-        station.observations(columns),
-        factory,
-        config.parameters,
-        config.solver(),
-        config.stochastic([station.uncertainty()]),
-    )
-    found = CalibrationSet.from_adjustments(results, factory)
+    found = adjust(station.observations(columns), factory, config, [station.uncertainty()])
     storage.write_csv(adjustment, found.to_columns())
     storage.write_csv(covariance, found.covariance_columns())
 

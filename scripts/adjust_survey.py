@@ -4,8 +4,7 @@ from pathlib import Path
 
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.survey.station import Station
-from velocal.survey.targets import SurveyCovariances, read_targets
+from velocal.survey.station import adjust_station
 
 
 def main(
@@ -20,19 +19,10 @@ def main(
     names: list[str],
 ) -> None:
     """Write pose and planes, with covariances and residuals, as JSON."""
-    base_site = read_targets(base_field, "position").of(position, where=str(base_field))
-    known = None
-    if covariance:
-        known = SurveyCovariances.from_json(storage.read_json(covariance))
-        base_site = known.of_base(base_site, position, where=str(covariance))
-    station = Station.adjust(
-        read_targets(planes, "plane"),
-        read_targets(base_scanner, "scanner").of(scanner, where=str(base_scanner)),
-        base_site,
-        names,
-        covariances=known.planes if known else None,
-        where=str(planes),
-    )
+    station = adjust_station(
+        planes, base_scanner, base_field,
+        position=position, scanner=scanner, names=names, covariance=covariance,
+    )  # fmt: skip
     storage.write_json(survey, station.to_json())
 
 

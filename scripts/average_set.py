@@ -6,9 +6,8 @@ from typing import Literal
 from velocal import __version__
 from velocal.adjustment.average import Member, average, scatter_columns
 from velocal.adjustment.result import CalibrationSet
-from velocal.calibration.convert import for_program
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import CalibrationFile
+from velocal.chain import as_file, write_calibration
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
@@ -33,31 +32,23 @@ def main(
 ) -> None:
     """Write the set in every format; `samples` and `positions` are those of every adjustment."""
     known = scanner_named(scanner)
-    factory, tick_m = formats.read_or_nominal(calibration, known), known.distance_tick_m
+    factory = formats.read_or_nominal(calibration, known)
     tables = [
         CalibrationSet.from_columns(storage.read_csv(one), factory, storage.read_csv(other))
         for one, other in zip(adjustments, covariances, strict=True)
     ]
     members = [Member(*each) for each in zip(samples, positions, tables, strict=True)]
     mean = average(members, weights)
-    parameters = mean.adjusted
     sources = {
         "adjustments": ["/".join(path.parts[-2:]) for path in adjustments],
         "calibration": calibration.name if calibration else "nominal",
         "weights": weights,
     }
-    found = CalibrationFile(
-        parameters, "paper", scanner, tick_m,
-        std=mean.std_by_name(),
-        covariance=mean.covariance_by_pair(),
-        provenance={"velocal": __version__, **sources},
-    )  # fmt: skip
-    others = {
-        suffix: CalibrationFile(for_program(parameters, program), program, tick_m=tick_m)
-        for suffix, program in (("yaml", export.yaml), ("xml", export.xml))
-    }
-    for suffix, path in {"csv": csv, "json": json, "yaml": yaml, "xml": xml}.items():
-        formats.write(path, others.get(suffix, found))
+    found = as_file(mean, known, {"velocal": __version__, **sources})
+    for path in (csv, json):
+        formats.write(path, found)
+    write_calibration(yaml, mean, known, program=export.yaml)
+    write_calibration(xml, mean, known, program=export.xml)
     storage.write_csv(scatter, scatter_columns(members))
 
 

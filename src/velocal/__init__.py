@@ -1,5 +1,110 @@
-"""Intrinsic calibration of Velodyne multi-beam laser scanners against surveyed planes."""
+"""Intrinsic calibration of Velodyne multi-beam laser scanners against surveyed planes.
 
+A calibration from Python, in the order of the work::
+
+    import velocal
+
+    recording = velocal.open_recording("capture.pcap", scanner="HDL-64E")
+    station = velocal.adjust_station(
+        "planes.csv", "base_scanner.csv", "base_field.csv", position="P1", scanner="HDL-64E"
+    )
+    factory = velocal.read_parameters("factory.xml", "HDL-64E")
+    windows = [recording.medians(window) for window in ("beginning", "middle", "end")]
+    found = velocal.average([velocal.calibrate(one, station, factory) for one in windows])
+    print(found.summary())
+    velocal.write_calibration("refined.xml", found, "HDL-64E", program="veloview")
+
+Only the names of `__all__` are public; every other module may change without notice. They are
+imported when they are used for the first time, so that `import velocal` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
+    from velocal.adjustment.average import Member as Member
+    from velocal.adjustment.average import average as average
+    from velocal.adjustment.result import CalibrationSet as CalibrationSet
+    from velocal.calibration.convert import convert as convert
+    from velocal.calibration.convert import max_point_distance as max_point_distance
+    from velocal.calibration.dialects import DIALECTS as DIALECTS
+    from velocal.calibration.files.document import CalibrationFile as CalibrationFile
+    from velocal.calibration.files.formats import read_calibration as read_calibration
+    from velocal.calibration.lint import lint as lint
+    from velocal.capture.ledger import Ledger as Ledger
+    from velocal.chain import calibrate as calibrate
+    from velocal.chain import read_parameters as read_parameters
+    from velocal.chain import residuals as residuals
+    from velocal.chain import write_calibration as write_calibration
+    from velocal.errors import VelocalError as VelocalError
+    from velocal.evaluation.statistics import LaserStatistics as LaserStatistics
+    from velocal.points.stream import stream_points as stream_points
+    from velocal.recording.recording import Recording as Recording
+    from velocal.recording.recording import open_recording as open_recording
+    from velocal.recording.returns import Returns as Returns
+    from velocal.reduction.assignment import Limits as Limits
+    from velocal.scanner.beam import Beams as Beams
+    from velocal.scanner.models import SCANNERS as SCANNERS
+    from velocal.scanner.models import Scanner as Scanner
+    from velocal.scanner.parameters import LaserParameters as LaserParameters
+    from velocal.study.config import Adjustment as Adjustment
+    from velocal.survey.station import Station as Station
+    from velocal.survey.station import adjust_station as adjust_station
+    from velocal.survey.station import read_station as read_station
+    from velocal.survey.targets import Targets as Targets
+    from velocal.survey.targets import read_targets as read_targets
+
+#: Module of every public name.
+_PLACES = {
+    "Adjustment": "study.config",
+    "Beams": "scanner.beam",
+    "CalibrationFile": "calibration.files.document",
+    "CalibrationSet": "adjustment.result",
+    "DIALECTS": "calibration.dialects",
+    "LaserParameters": "scanner.parameters",
+    "LaserStatistics": "evaluation.statistics",
+    "Ledger": "capture.ledger",
+    "Limits": "reduction.assignment",
+    "Member": "adjustment.average",
+    "Recording": "recording.recording",
+    "Returns": "recording.returns",
+    "SCANNERS": "scanner.models",
+    "Scanner": "scanner.models",
+    "Station": "survey.station",
+    "Targets": "survey.targets",
+    "VelocalError": "errors",
+    "adjust_station": "survey.station",
+    "average": "adjustment.average",
+    "calibrate": "chain",
+    "convert": "calibration.convert",
+    "lint": "calibration.lint",
+    "max_point_distance": "calibration.convert",
+    "open_recording": "recording.recording",
+    "read_calibration": "calibration.files.formats",
+    "read_parameters": "chain",
+    "read_station": "survey.station",
+    "read_targets": "survey.targets",
+    "residuals": "chain",
+    "stream_points": "points.stream",
+    "write_calibration": "chain",
+}
+
+__all__ = [*_PLACES, "__version__"]
 
 __version__ = version("velocal")
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is used for the first time."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PLACES})

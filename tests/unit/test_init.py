@@ -6,14 +6,15 @@ import pytest
 from typer.testing import CliRunner
 
 from velocal.cli import app
+from velocal.reduction.assignment import Limits
 from velocal.scanner.models import SCANNERS
-from velocal.study.config import StudyConfig
+from velocal.study.config import Adjustment, StudyConfig
 from velocal.study.model import read_yaml
 from velocal.study.schema import keys
 from velocal.study.study import read_study
 from velocal.survey.targets import read_targets
 
-GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_site": "position"}
+GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
 #: Keys that a study of one's own has no use for.
 NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "unsurveyed", "by_scanner", "outdoor"}
 #: A surveyor who hands over observations finds them in config/README.md.
@@ -38,6 +39,9 @@ def test_untouched_it_is_a_valid_study(scanner, positions, tmp_path, monkeypatch
     study = read_study(config, "config")
     assert study.scanners == [scanner]
     assert len(study.surveyed) == len(study.positions) == positions
+    # What `velocal.calibrate` takes where it is given no settings.
+    assert study.adjustment(scanner) == Adjustment.recommended(SCANNERS[scanner])
+    assert study.assignment.limits.metric() == Limits()
 
 
 def test_next_steps_are_told(tmp_path):

@@ -27,6 +27,13 @@ def test_modules_imported_by_name_and_inside_functions(tmp_path):
     assert {"io/storage.py", "geometry/rigid.py"} <= found
 
 
+def test_imports_for_type_checkers_do_not_count(tmp_path):
+    text = "if TYPE_CHECKING:\n    from velocal.io import storage\nfrom velocal import errors\n"
+    found = files(tmp_path, text)
+    assert "errors.py" in found
+    assert "io/storage.py" not in found
+
+
 def test_data_files_that_a_module_names(tmp_path):
     assert "paper/data/tables.csv" in files(tmp_path, "from velocal.paper import printed\n")
     assert "reporting/report.html.j2" in files(tmp_path, "from velocal.reporting import report\n")

@@ -38,14 +38,17 @@ class Member:
     calibration: CalibrationSet
 
 
-def average(members: Sequence[Member], weighting: Weighting = "equal") -> CalibrationSet:
+def average(
+    members: Sequence[Member | CalibrationSet], weighting: Weighting = "equal"
+) -> CalibrationSet:
     """Mean over the windows of every sample, then over the samples.
 
     Parameters
     ----------
-    members : sequence of Member
+    members : sequence of Member or CalibrationSet
         Adjustments of the same parameters with the same initial values. One that did not observe
-        a laser is left out of the mean of that laser.
+        a laser is left out of the mean of that laser. Those without a sample and a position are
+        taken as windows of one sample.
     weighting : {"equal", "covariance"}
         The plain mean, as the paper forms it, or weights by inverse variance.
 
@@ -62,9 +65,23 @@ def average(members: Sequence[Member], weighting: Weighting = "equal") -> Calibr
     VelocalError
         If there are no members, or they do not belong together, or weights by inverse variance
         are asked for and a member has no covariance.
+
+    Examples
+    --------
+    >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
+    >>> station = velocal.read_station("station.json")
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> windows = [recording.medians(each, length=3, min_count=1) for each in ("beginning", "end")]
+    >>> found = velocal.average([velocal.calibrate(each, station, factory) for each in windows])
+    >>> sorted(found.sources)
+    ['common', 'noise at ']
     """
-    stack = _Stack(members)
-    first = members[0].calibration
+    named = [
+        each if isinstance(each, Member) else Member(sample="", position="", calibration=each)
+        for each in members
+    ]
+    stack = _Stack(named)
+    first = named[0].calibration
     weight = stack.weights(weighting)
     corrections = (weight * stack.value).sum(axis=0)
     observed = np.asarray(stack.seen.any(axis=0).ravel())

@@ -49,6 +49,14 @@ def max_point_distance(
     ------
     DialectError
         If the numbers of lasers differ.
+
+    Examples
+    --------
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> programs = [velocal.DIALECTS[name] for name in ("veloview", "ros")]
+    >>> apart_m = velocal.max_point_distance(*[(each, factory) for each in programs], (10.0,))
+    >>> apart_m.shape
+    (1, 32)
     """
     n_lasers = len(first[1])
     if len(second[1]) != n_lasers:
@@ -170,6 +178,13 @@ def convert(
     DialectError
         If the points would differ and `inexact` is not set; it says by how much. Also if the
         target cannot express the vertical offset of a laser at all.
+
+    Examples
+    --------
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> manual, veloview = velocal.DIALECTS["manual"], velocal.DIALECTS["veloview"]
+    >>> len(velocal.convert(factory, manual, veloview))
+    32
     """
     if source == target:
         return parameters

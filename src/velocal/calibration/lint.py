@@ -50,12 +50,12 @@ class Finding:
 Columns = dict[str, Array]
 
 
-def lint(path: Path, scanner: Scanner | None = None) -> list[Finding]:
+def lint(path: str | Path, scanner: Scanner | None = None) -> list[Finding]:
     """Look for faults in a calibration file of any format.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
     scanner : Scanner, optional
         What the file is for; found by the number of lasers if left out.
 
@@ -63,7 +63,13 @@ def lint(path: Path, scanner: Scanner | None = None) -> list[Finding]:
     -------
     list of Finding
         Empty if no fault is found. All real files known are within the limits of the checks.
+
+    Examples
+    --------
+    >>> [finding.code for finding in velocal.lint("missing.yaml")]
+    ['unreadable']
     """
+    path = Path(path)
     try:
         document = format_of(path).codec().parse(path)
     except CalibrationFileError as error:

@@ -78,13 +78,19 @@ def _source(path: Path) -> Source:
 
 
 def _imports(tree: ast.AST) -> Iterator[str]:
-    """Full names that a module imports; those that `from a import b` takes may be modules too."""
-    for node in ast.walk(tree):
+    """Full names that a module imports; those that `from a import b` takes may be modules too.
+
+    Imports for type checkers alone are left out: nothing of them is there when a script runs.
+    """
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        yield from _imports(node)
 
 
 def library_files(script: Path) -> list[Path]:

@@ -6,42 +6,30 @@ Recordings still go through their bytes, in a file that is removed again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from velocal.adjustment.average import Member, average
-from velocal.adjustment.lasers import adjust_all
-from velocal.adjustment.result import CalibrationSet
+from velocal.chain import adjust, observe
 from velocal.evaluation.candidates import Candidate, Role, with_sets
 from velocal.evaluation.statistics import statistics_table
-from velocal.io import schemas, storage
+from velocal.io import storage
 from velocal.paper import agreement as comparison
 from velocal.paper import tables
 from velocal.paper.printed import tolerances_of_mean
-from velocal.recording.returns import write_returns
-from velocal.recording.scan import inspect
-from velocal.recording.windows import window_rotations
-from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
-from velocal.reduction.medians import binned_medians
-from velocal.scanner.beam import Beams
-from velocal.scanner.models import SCANNERS, Scanner
+from velocal.recording.recording import open_recording
+from velocal.recording.returns import Returns
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import factory_parameters
 from velocal.simulation.world import World
-from velocal.study.config import Reduction
 from velocal.study.samples import SurveyedSample
 from velocal.study.study import Study
 from velocal.survey.network.survey import Survey, adjust_field_book
-
-Columns = dict[str, NDArray[Any]]
 
 
 def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
@@ -131,11 +119,10 @@ def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
 def _of_scanner(
     world: World, study: Study, survey: Survey, scanner: str, rotations: int
 ) -> Iterator[pd.DataFrame]:
-    known = SCANNERS[scanner]
     factory = factory_parameters(world, scanner)
     limits = study.assignment.limits.metric()
     sigma_m = study.validation.sigma_cm * 1e-2
-    adjustment = study.adjustment(scanner)
+    bin_deg = study.config.reduction.azimuth_bin_deg.get(scanner)
     adjustments: dict[str, list[Member]] = {}
     scans = {}
     at: dict[str, capture.Shots] = {}
@@ -144,26 +131,18 @@ def _of_scanner(
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
         station = survey.station(scanner, position, study.assignment.planes, where="replica")
-        stochastic = adjustment.stochastic([station.uncertainty()])
-        for window, returns, rate_hz in _windows(world, sample, known, rotations, at[position]):
+        for window, returns in _windows(world, sample, rotations, at[position]):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
-            medians = _medians(returns, study.config.reduction, known)
-            beams = Beams.from_ticks(medians, known, rate_hz)
-            rows = assigned_rows(beams, factory, station.patches, limits)
-            data = station.observations(rows)
-            results = adjust_all(
-                data, factory, adjustment.parameters, adjustment.solver(), stochastic
-            )
-            found = CalibrationSet.from_adjustments(results, factory)
-            member = Member(sample.name, position, found)
-            adjustments.setdefault(sample.name, []).append(member)
+            # A bin may hold a single return, as there are fewer rotations.
+            medians = returns.medians(azimuth_bin_deg=bin_deg, min_count=1)
+            data = observe(medians, station, factory, limits)
+            found = adjust(data, factory, study.adjustment(scanner), [station.uncertainty()])
+            adjustments.setdefault(sample.name, []).append(Member(sample.name, position, found))
             pair = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, found.adjusted)]
             heading |= {"data": "calibration"}
             yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
-            scan = first_rotations(returns, study.validation.rotations)
-            beams = Beams.from_ticks(scan, known, rate_hz)
-            rows = assigned_rows(beams, factory, station.patches, limits)
-            scans[sample.name, window] = station.observations(rows)
+            scan = returns.beams(study.validation.rotations)
+            scans[sample.name, window] = observe(scan, station, factory, limits)
     sets = _sets(study, scanner, factory, adjustments)
     for (name, window), data in scans.items():
         heading = {"scanner": scanner, "sample": name, "window": window, "data": "validation"}
@@ -184,34 +163,18 @@ def _sets(
     return sets
 
 
-def _medians(returns: Columns, reduction: Reduction, known: Scanner) -> Columns:
-    """Reduce to medians; a bin may hold a single return, as there are fewer rotations."""
-    reduced = binned_medians(
-        returns["azimuth"],
-        returns["laser_id"],
-        returns["distance"],
-        lasers_per_firing=known.lasers_per_firing,
-        bin_ticks=reduction.azimuth_bin_ticks(known),
-        min_count=1,
-    )
-    return asdict(reduced)
-
-
 def _windows(
-    world: World, sample: SurveyedSample, known: Scanner, rotations: int, shots: capture.Shots
-) -> Iterator[tuple[str, Columns, float]]:
-    """Returns of every window and the rotation rate, decoded from a recording."""
+    world: World, sample: SurveyedSample, rotations: int, shots: capture.Shots
+) -> Iterator[tuple[str, Returns]]:
+    """Returns of every window, decoded from a recording."""
     with TemporaryDirectory() as folder:
-        recording, returns = Path(folder) / "recording.bin", Path(folder) / "returns.parquet"
+        path = Path(folder) / "recording.bin"
         # Some rotations lie between the windows, as in the study's recordings.
         length = 3 * rotations + rotations // 3 + 2
         blocks = capture.records(
-            world, known.name, sample.position, sample.name, length, shots=shots
+            world, sample.scanner, sample.position, sample.name, length, shots=shots
         )
-        storage.write_blocks(recording, blocks)
-        index = inspect(recording).index
+        storage.write_blocks(path, blocks)
+        recording = open_recording(path, sample.scanner)
         for window in sample.windows:
-            chosen = window_rotations(index, window, rotations, sample.name)
-            write_returns(recording, index, chosen, known, returns)
-            columns, facts = storage.read_table(returns, schemas.RETURNS, COLUMNS)
-            yield window, columns, facts["rotation_rate_hz"]
+            yield window, recording.returns(window, length=rotations)

@@ -15,7 +15,7 @@ calibrations does not depend on phi. Single precision: within a few hundredths o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,12 @@ from numpy.typing import NDArray
 
 from velocal.arrays import Array
 from velocal.capture.source import ANY_SOURCE, SourceFilter
+from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, view
+from velocal.packets.dual import check_choice
 from velocal.packets.firings import Firings, decode
 from velocal.recording.inspection import Inspection
+from velocal.recording.recording import Recording
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
@@ -306,6 +309,74 @@ def stream(
             sent = clock.packets(captured, view(payloads)["timestamp"], of_block.max(axis=1))
             time_s = sent[firings.block // BLOCKS] + clock.firings(firings.block)
             yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
+
+
+def stream_points(
+    recording: Recording,
+    calibration: LaserParameters,
+    rotations: str | int | slice | Sequence[int] | NDArray[np.integer] = "all",
+    *,
+    before: LaserParameters | None = None,
+    min_range_m: float = -np.inf,
+    max_range_m: float = np.inf,
+    frame: str = "velocal",
+    returns: str = "strongest",
+) -> Iterator[Columns]:
+    """Apply a calibration to a recording, some thousand packets at a time.
+
+    Parameters
+    ----------
+    recording : Recording
+        See `open_recording`.
+    calibration : LaserParameters
+        Calibration that gives the points.
+    rotations : str, int, slice or sequence of int
+        See `Recording.select`.
+    before : LaserParameters, optional
+        Another calibration; with it, the column ``shift`` tells how far every point has moved.
+    min_range_m, max_range_m : float
+        Points whose calibrated distance lies outside are left out, metres.
+    frame : {"velocal", "ros"}
+        Y forward and X right, as everywhere here, or X forward and Y left.
+    returns : {"strongest", "last", "both"}
+        Which return, where a shot has two.
+
+    Yields
+    ------
+    dict of str to ndarray, shape (n,)
+        See `stream`.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot be read.
+    ConfigError
+        If `rotations`, `frame` or `returns` are unknown.
+
+    Examples
+    --------
+    >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> points = next(velocal.stream_points(recording, factory, slice(1, 3)))
+    >>> points["x"].dtype, bool(points["rotation"].max() == 2)
+    (dtype('float32'), True)
+    """
+    if frame not in FRAMES:
+        raise ConfigError(f"unknown frame {frame!r}", where="frame", allowed=", ".join(FRAMES))
+    check_choice(returns, "returns")
+    chosen = recording.select(rotations, None)
+    settings = Settings(
+        recording.scanner,
+        calibration,
+        before,
+        min_range_m,
+        max_range_m,
+        frame,
+        returns,
+        recording.source,
+    )
+    for columns, _ in stream(recording.path, recording.scan(), chosen, settings):
+        yield columns
 
 
 def raw_returns(

@@ -21,6 +21,7 @@ from velocal.recording.returns import Returns, returns_of
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 
 #: Complete rotations of a window, unless a caller says otherwise.
@@ -189,6 +190,43 @@ class Recording:
         """
         return Returns.concatenate(list(self.stream_returns(rotations, length=length, which=which)))
 
+    def medians(
+        self,
+        rotations: str | int | slice | Sequence[int] | NDArray[np.integer],
+        *,
+        length: int | None = None,
+        which: str = "strongest",
+        azimuth_bin_deg: float | None = None,
+        min_count: int = 5,
+    ) -> Beams:
+        """Medians of the distances of some rotations, per laser and azimuth bin.
+
+        Parameters
+        ----------
+        rotations, length
+            See `select`; usually a window such as "beginning".
+        which : {"strongest", "last"}
+            Which return, where a shot has two.
+        azimuth_bin_deg, min_count
+            See `Returns.medians`.
+
+        Returns
+        -------
+        Beams
+            Distances in metres, rotational angles in radians, and lasers.
+
+        Raises
+        ------
+        RecordingError
+            If the recording cannot be read, or its scanner is not what is said.
+        ConfigError
+            If rotations or `which` are unknown, see `select`.
+        VelocalError
+            If the bins do not divide the turn.
+        """
+        found = self.returns(rotations, length=length, which=which)
+        return found.medians(azimuth_bin_deg=azimuth_bin_deg, min_count=min_count)
+
     def stream_returns(
         self,
         rotations: str | int | slice | Sequence[int] | NDArray[np.integer],
@@ -245,10 +283,12 @@ def open_recording(
 
     Examples
     --------
-    >>> recording = open_recording("sa3.pcap", scanner="HDL-64E")  # doctest: +SKIP
-    >>> recording.ledger.unaccounted_bytes  # doctest: +SKIP
-    0
-    >>> returns = recording.returns("beginning", length=10).seen  # doctest: +SKIP
+    >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
+    >>> len(recording.rotations), recording.ledger.unaccounted_bytes
+    (12, 0)
+    >>> returns = recording.returns("beginning", length=3)
+    >>> len(returns) > len(returns.seen) > 0
+    True
     """
     stated = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     capture = open_capture(Path(path), SourceFilter(port, address))

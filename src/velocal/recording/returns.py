@@ -8,7 +8,7 @@ or both follow as they came.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from velocal.recording.inspection import Inspection
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
+from velocal.reduction.medians import binned_medians
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 
 #: Packets that are decoded together, and make one row group of the file whatever the container.
@@ -77,6 +79,54 @@ class Returns:
     def seen(self) -> Returns:
         """Only the rows where something came back."""
         return self[self.distance > 0]
+
+    def beams(self, rotations: int | None = None) -> Beams:
+        """Convert the shots where something came back.
+
+        Parameters
+        ----------
+        rotations : int, optional
+            How many of the rotations, from the first; all if left out.
+
+        Returns
+        -------
+        Beams
+            Distances in metres, rotational angles in radians, and lasers.
+        """
+        first = np.unique(self.rotation)[:rotations]
+        chosen = (self.distance > 0) & np.isin(self.rotation, first)
+        return Beams.from_ticks(self[chosen].columns(), self.scanner, self.rotation_rate_hz)
+
+    def medians(self, *, azimuth_bin_deg: float | None = None, min_count: int = 5) -> Beams:
+        """Reduce to medians per laser and azimuth bin.
+
+        Parameters
+        ----------
+        azimuth_bin_deg : float, optional
+            Width of an azimuth bin, degrees, a divisor of the turn; that of the scanner if left
+            out.
+        min_count : int
+            Returns that a bin needs to give a median.
+
+        Returns
+        -------
+        Beams
+            Distances in metres, rotational angles in radians, and lasers.
+
+        Raises
+        ------
+        VelocalError
+            If the bins do not divide the turn.
+        """
+        reduced = binned_medians(
+            self.azimuth,
+            self.laser_id,
+            self.distance,
+            lasers_per_firing=self.scanner.lasers_per_firing,
+            bin_ticks=self.scanner.azimuth_bin(azimuth_bin_deg),
+            min_count=min_count,
+        )
+        return Beams.from_ticks(asdict(reduced), self.scanner, self.rotation_rate_hz)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Columns of `schemas.RETURNS`."""

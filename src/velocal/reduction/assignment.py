@@ -35,9 +35,9 @@ class Limits:
         Largest angle between beam and normal.
     """
 
-    distance_m: float
-    edge_m: float
-    incidence_rad: float
+    distance_m: float = 0.25
+    edge_m: float = 0.05
+    incidence_rad: float = float(np.deg2rad(80.0))
 
 
 def assign(

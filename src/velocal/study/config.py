@@ -293,6 +293,32 @@ class Adjustment(Section):
                 )
         return self
 
+    @classmethod
+    def recommended(cls, scanner: Scanner) -> Adjustment:
+        """What `velocal init` recommends.
+
+        Parameters
+        ----------
+        scanner : Scanner
+            Units that come with a file of their own have larger errors than those that are made
+            to nominal values.
+
+        Returns
+        -------
+        Adjustment
+        """
+        return cls(
+            method="prior",
+            parameters=("dl", "alpha", "v"),
+            noise_cm=2.0,
+            angle_deg=0.026,
+            block_deg=5.0,
+            range_scale_cm_per_m=0.1 if scanner.has_factory_file else 0.02,
+            repeatability_cm=1.2 if scanner.has_factory_file else 0.13,
+            prior=Prior(dl_cm=2.0, alpha_deg=0.2, v_deg=0.2),
+            truncate_at=1.0,
+        )
+
     def solver(self) -> Solver:
         """Solver that `method` and `robust` name."""
         base = SOLVERS[self.method](self.truncate_at)

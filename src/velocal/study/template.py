@@ -12,6 +12,7 @@ import jinja2
 from velocal.errors import ConfigError
 from velocal.io import storage
 from velocal.scanner.models import SCANNERS, Scanner
+from velocal.study.config import Adjustment
 
 #: Where the capture and the factory's file are looked for until the sample table says otherwise.
 CAPTURES = "captures"
@@ -46,7 +47,6 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
             f"there is no workflow at {str(workflow)!r}",
             hint="Name the checkout of velocal with --checkout.",
         )
-    measured = scanner.has_factory_file
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     values = {
         "workflow": json.dumps(str(workflow.resolve())),
@@ -56,9 +56,8 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         "samples": [f"sample{number + 1}" for number in range(positions)],
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
-        "calibration": FACTORY if measured else "nominal",
-        "range_scale": 0.1 if measured else 0.02,
-        "repeatability": 1.2 if measured else 0.13,
+        "calibration": FACTORY if scanner.has_factory_file else "nominal",
+        "adjustment": Adjustment.recommended(scanner),
     }
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)

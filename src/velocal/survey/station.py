@@ -16,7 +16,7 @@ from velocal.errors import StorageError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.io import storage
-from velocal.survey.targets import Targets, common
+from velocal.survey.targets import SurveyCovariances, Targets, common, read_targets
 
 Array = NDArray[np.float64]
 
@@ -264,15 +264,90 @@ class Station:
         )
 
 
-def read_station(path: Path) -> Station:
+def adjust_station(
+    planes: str | Path,
+    base_scanner: str | Path,
+    base_site: str | Path,
+    *,
+    position: str,
+    scanner: str,
+    names: Sequence[str] | None = None,
+    covariance: str | Path | None = None,
+) -> Station:
+    """Adjust pose and planes of a position from the files of a survey.
+
+    Parameters
+    ----------
+    planes : str or Path
+        CSV of the targets on walls and floor, in the site frame; column ``plane``.
+    base_scanner : str or Path
+        CSV of the targets on the scanner's base, in the scanner frame; column ``scanner``.
+    base_site : str or Path
+        CSV of the same targets in the site frame, surveyed at every position; column ``position``.
+    position : str
+        Position of the scanner, as in `base_site`.
+    scanner : str
+        Scanner that stands there, as in `base_scanner`.
+    names : sequence of str, optional
+        Planes that are used, in this order; all planes of the file if left out.
+    covariance : str or Path, optional
+        JSON with the covariances that the survey's own adjustment gave.
+
+    Returns
+    -------
+    Station
+
+    Raises
+    ------
+    SurveyError
+        If a file is missing or faulty, or targets are too few or lie on a line.
+
+    Examples
+    --------
+    >>> files = "planes.csv", "base_scanner.csv", "base_field.csv"
+    >>> station = velocal.adjust_station(*files, position="P5", scanner="HDL-32E")
+    >>> [plane.patch.name for plane in station.planes]
+    ['short_wall', 'long_wall', 'floor']
+    """
+    on_base = read_targets(Path(base_site), "position").of(position, where=str(base_site))
+    known = None
+    if covariance:
+        known = SurveyCovariances.from_json(storage.read_json(Path(covariance)))
+        on_base = known.of_base(on_base, position, where=str(covariance))
+    on_planes = read_targets(Path(planes), "plane")
+    return Station.adjust(
+        on_planes,
+        read_targets(Path(base_scanner), "scanner").of(scanner, where=str(base_scanner)),
+        on_base,
+        list(dict.fromkeys(on_planes.group)) if names is None else names,
+        covariances=known.planes if known else None,
+        where=str(planes),
+    )
+
+
+def read_station(path: str | Path) -> Station:
     """Read the file of a station.
+
+    Parameters
+    ----------
+    path : str or Path
+        JSON that `Station.to_json` gave.
+
+    Returns
+    -------
+    Station
 
     Raises
     ------
     StorageError
         If the file is missing, is no JSON, or lacks a value.
+
+    Examples
+    --------
+    >>> velocal.read_station("station.json").position
+    'P5'
     """
-    content = storage.read_json(path)
+    content = storage.read_json(Path(path))
     try:
         return Station.from_json(content)
     except (KeyError, TypeError) as error:

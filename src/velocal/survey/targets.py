@@ -175,12 +175,12 @@ class SurveyCovariances:
         return cls(bases, planes)
 
 
-def read_targets(path: Path, group: str, *, repeated: bool = False) -> Targets:
+def read_targets(path: str | Path, group: str, *, repeated: bool = False) -> Targets:
     """Read a survey file.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         CSV with the columns ``target``, `group`, ``x_m y_m z_m`` and
         ``std_x_mm std_y_mm std_z_mm``.
     group : str
@@ -188,12 +188,24 @@ def read_targets(path: Path, group: str, *, repeated: bool = False) -> Targets:
     repeated : bool
         Whether a target may have several rows, one per measurement.
 
+    Returns
+    -------
+    Targets
+        Coordinates in metres, with their standard deviations.
+
     Raises
     ------
     SurveyError
         If the file is missing, a column is missing or unknown, a value is no number, a standard
         deviation is not positive, or a target is named twice in a group.
+
+    Examples
+    --------
+    >>> targets = velocal.read_targets("planes.csv", "plane")
+    >>> sorted(set(targets.group))
+    ['floor', 'long_wall', 'short_wall']
     """
+    path = Path(path)
     positive = dict(zip(COORDINATES, DEVIATIONS, strict=True))
     table = read_table(path, ("target", group), (*COORDINATES, *DEVIATIONS), positive)
     if not repeated:

@@ -149,25 +149,33 @@ def format_of(path: Path) -> Format:
         ) from None
 
 
-def read_calibration(path: Path, n_lasers: int | None = None) -> CalibrationFile:
+def read_calibration(path: str | Path, n_lasers: int | None = None) -> CalibrationFile:
     """Read a calibration file of any format as it is, with all that it holds.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
+        Velodyne's XML, a ROS driver's YAML, or CSV or JSON of velocal.
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as the file has.
 
     Returns
     -------
     CalibrationFile
+        Numbers as the file has them, in metres and radians.
 
     Raises
     ------
     CalibrationFileError
         If the suffix is unknown, the file damaged, or not of a scanner with so many lasers.
+
+    Examples
+    --------
+    >>> found = velocal.read_calibration("factory.xml")
+    >>> len(found.parameters), found.tick_m
+    (32, 0.002)
     """
-    return format_of(path).codec().read(path, n_lasers)
+    return format_of(Path(path)).codec().read(Path(path), n_lasers)
 
 
 def dialect_of(found: CalibrationFile, path: Path) -> Dialect:

@@ -12,6 +12,7 @@ from support.building import WORLD, stated
 from velocal.io import schemas, storage
 from velocal.reporting import captions
 from velocal.reporting.figures import plan as plan_figure
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
@@ -62,11 +63,10 @@ def numbers(views):
     frames = []
     for path, station in zip(medians, map(read_station, surveys), strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
-        view = plan_figure.View(
-            station.position, path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
-            columns, parameters, station.patches, station.pose,
-        )  # fmt: skip
-        frames.append(plan_figure.plan(view, surveyed, LIMITS.metric()))
+        beams = Beams.from_ticks(columns, SCANNERS["HDL-32E"], facts["rotation_rate_hz"])
+        frames.append(
+            plan_figure.plan(path.stem, station, beams, parameters, surveyed, LIMITS.metric())
+        )
     return pd.concat(frames, ignore_index=True)
 
 
@@ -111,16 +111,15 @@ def test_nothing_measured_still_makes_a_plan(views):
     medians, surveys, targets = views
     station = read_station(surveys[0])
     columns, _ = storage.read_table(medians[0], schemas.MEDIANS)
-    view = plan_figure.View(
-        "P5", "sa5", SCANNERS["HDL-32E"], 10.0,
-        {name: values[:0] for name, values in columns.items()},
-        unit_truth(PERFECT, "HDL-32E").parameters, station.patches, station.pose,
+    beams = Beams.from_ticks(columns, SCANNERS["HDL-32E"], 10.0)[:0]
+    rest = (
+        beams, unit_truth(PERFECT, "HDL-32E").parameters, plan_targets(targets), LIMITS.metric(),
     )  # fmt: skip
-    found = plan_figure.plan(view, plan_targets(targets), LIMITS.metric())
+    found = plan_figure.plan("sa5", station, *rest)
     assert not len(found[found["kind"] == "median"])
     plan_figure.draw_plan(found, SELECTION, simulated=False)
-    turned = replace(view, pose=view.pose.inverse().inverse())
-    again = plan_figure.plan(turned, plan_targets(targets), LIMITS.metric())
+    turned = replace(station, pose=station.pose.inverse().inverse())
+    again = plan_figure.plan("sa5", turned, *rest)
     pd.testing.assert_frame_equal(found, again)
 
 

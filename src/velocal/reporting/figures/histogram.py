@@ -110,7 +110,7 @@ def draw_histogram(
         figure.supxlabel("residual s [cm]", fontsize=8.5)
         axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
         what = f"residuals of laser {selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm"
-        finish(figure, None, samples_title(selection, what), simulated=simulated)
+        finish(figure, [], samples_title(selection, what), simulated=simulated)
     return figure
 
 

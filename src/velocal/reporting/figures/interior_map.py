@@ -12,12 +12,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
 from velocal.evaluation.interior_map import STATES, Section
-from velocal.reporting.style import AFTER, BEFORE, DARK, finish, style
+from velocal.reporting.style import AFTER, BEFORE, DARK, finish, metres, style
 
 #: Heights are drawn upward at this share of their length, X and Y as they are.
 LIFT = 0.5
@@ -110,7 +109,7 @@ def draw_map(
             f"{selection['scanner']}: interior from {len(scanners)} positions, {count} points, "
             f"parameter set {selection['set']}"
         )
-        finish(figure, None, title, simulated=simulated)
+        finish(figure, [], title, simulated=simulated)
     return figure
 
 
@@ -194,11 +193,8 @@ def _oblique(
         "section", (box["x_m"][1], corner[1] + height), xytext=(0, 2), ha="right", va="bottom",
         textcoords="offset points", fontsize=7.5, color=DARK, zorder=3.2, bbox=_PLATE,
     )  # fmt: skip
-    ax.set_aspect("equal")
+    metres(ax, tick_m=2)
     ax.grid(visible=False)
-    ax.xaxis.set_major_locator(MultipleLocator(2))
-    ax.yaxis.set_major_locator(MultipleLocator(2))
-    ax.set_xlabel("X [m]")
     ax.set_ylabel(f"Y on the floor [m]; heights drawn × {LIFT:g}")
     figure.colorbar(colours, ax=ax, label="height Z [m]", fraction=0.025, pad=0.01, extend="both")
 

@@ -174,7 +174,7 @@ def draw(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> Figure:
         title = f"{scanner}: methods of adjustment, " + (
             what if len(panels) == len(_PANELS) else "residuals"
         )
-        finish(figure, first, title, simulated=simulated, ncols=3)
+        finish(figure, [first], title, simulated=simulated, ncols=3)
     return figure
 
 

@@ -101,7 +101,7 @@ def draw(
             f"{scanner}, outdoors, {kind} conditions, {len(numbers)} samples: s about planes "
             "fitted to the panels"
         )
-        finish(figure, ax, title, simulated=simulated, ncols=3, columnspacing=1.2)
+        finish(figure, [ax], title, simulated=simulated, ncols=3, columnspacing=1.2)
     return figure
 
 

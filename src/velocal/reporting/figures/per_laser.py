@@ -147,7 +147,7 @@ def draw_per_laser(
         laser_axis(axes[-1], int(numbers["laser"].max()))
         axes[-1].set_xlabel("laser" + _unseen(numbers))
         title = samples_title(selection, TITLES[selection["kind"]] + " per laser")
-        finish(figure, axes[0], title, simulated=simulated)
+        finish(figure, [axes[0]], title, simulated=simulated)
     return figure
 
 

@@ -7,8 +7,6 @@ thin.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -24,11 +22,9 @@ from velocal.evaluation.planes_in_data import (
     FieldPlane,
     Found,
     Search,
-    fit_patches,
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
-from velocal.study.config import Box
 
 Rows = NDArray[np.int64]
 
@@ -47,23 +43,6 @@ STD_IN_DISTANCE = 3.0
 CELL_RAD = np.deg2rad(0.6)
 #: Rounds in which a cluster may grow.
 ROUNDS = 10
-
-
-def planes_of(cloud: Cloud, patches: Mapping[str, Box] | None, search: Search) -> Found:
-    """Fit planes to patches where there are any, or find them.
-
-    Parameters
-    ----------
-    cloud : Cloud
-    patches : mapping of str to Box, or None
-        Boxes by name, as in `patch_points`.
-    search : Search
-
-    Returns
-    -------
-    Found
-    """
-    return fit_patches(cloud, patches, search) if patches else find_planes(cloud, search)
 
 
 def find_planes(cloud: Cloud, search: Search) -> Found:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
@@ -184,12 +185,12 @@ def statistics_table(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
+def summary_row(lasers: Mapping[str, Any] | pd.DataFrame) -> dict[str, float]:
     """Reduce the statistics of all lasers of a window to one row.
 
     Parameters
     ----------
-    lasers : mapping of str to array, shape (lasers,)
+    lasers : mapping of str to array, shape (lasers,), or DataFrame
         Columns of `statistics_columns` for one window and calibration.
 
     Returns

@@ -250,17 +250,8 @@ def cells(table: pd.DataFrame | None) -> dict[str, Cell]:
     """Rows of the agreement by item, also where they were read from a file."""
     if table is None:
         return {}
-    return {
-        str(row["item"]): Cell(
-            str(row["item"]),
-            float(row["paper"]),
-            float(row["reproduced"]),
-            float(row["difference"]),
-            float(row["tolerance"]),
-            str(row["within"]).lower() == "true",
-        )
-        for row in table[list(COLUMNS)].to_dict(orient="records")
-    }
+    rows = table[list(COLUMNS)].assign(within=table["within"].astype(str).str.lower() == "true")
+    return {row[0]: Cell(*row) for row in rows.itertuples(index=False)}
 
 
 def counts(judged_cells: Mapping[str, Cell]) -> list[Count]:

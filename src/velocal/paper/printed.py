@@ -97,17 +97,13 @@ class PrintedRow:
 
 def printed_rows() -> list[PrintedRow]:
     """Tables II to V as printed, row by row."""
-    table = pd.read_csv(TABLES)
+    columns = ["table", "scanner", "sample", "window", "calibration", *TOLERANCES]
+    rows = pd.read_csv(TABLES)[columns].itertuples(index=False)
     return [
         PrintedRow(
-            table=str(row["table"]),
-            scanner=str(row["scanner"]),
-            sample=str(row["sample"]),
-            window=str(row["window"]),
-            calibration=str(row["calibration"]),
-            values={quantity: float(row[quantity]) for quantity in TOLERANCES},
+            table, scanner, sample, window, label, dict(zip(TOLERANCES, values, strict=True))
         )
-        for row in table.to_dict(orient="records")
+        for table, scanner, sample, window, label, *values in rows
     ]
 
 

@@ -1,8 +1,6 @@
 """Plan of the test field with the medians measured from each position, and its numbers."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -13,7 +11,7 @@ from velocal.reporting.figures.plan import draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import AssignmentLimits
+from velocal.study.config import AssignmentLimits, PlanFigure
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
@@ -28,7 +26,7 @@ def main(
     png: Path,
     csv: Path,
     samples: list[str],
-    selection: Mapping[str, Any],
+    selection: PlanFigure,
     limits: AssignmentLimits,
     simulated: bool,
 ) -> None:
@@ -36,7 +34,7 @@ def main(
 
     `samples` are those of every file of medians and of every survey.
     """
-    scanner = scanner_named(selection["scanner"])
+    scanner = scanner_named(selection.scanner)
     parameters = read_or_nominal(calibration, scanner)
     surveyed = read_targets(targets, "plane")
     panels = []

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from pydantic import TypeAdapter
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.statistics import KEYS
@@ -12,6 +13,9 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
+from velocal.study.config import Figure, Table
+
+FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 
 
 def _frame(path: Path) -> pd.DataFrame:
@@ -40,7 +44,7 @@ def main(
     report_html: Path,
     title: str,
     simulated: bool,
-    tables: Mapping[str, Any],
+    tables: Mapping[str, Table],
     figures: Mapping[str, Any],
     factories: list[Path],
     factory_scanners: list[str],
@@ -71,7 +75,7 @@ def main(
         summary=_optional(summary),
         agreement=_optional(agreement),
         figures=[
-            report.Figure(number, selection, _frame(csv), png.read_bytes())
+            report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
             for (number, selection), png, csv in drawn
         ],
         surveys=[storage.read_json(path) for path in surveys],

@@ -16,14 +16,14 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
-from velocal.study.config import AssignmentLimits
+from velocal.study.config import AssignmentLimits, PlanFigure
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station, read_station
 from velocal.survey.targets import write_targets
 
 PLANES = ["short_wall", "long_wall", "floor"]
 LIMITS = AssignmentLimits(distance_cm=25, edge_cm=5, incidence_deg=80)
-SELECTION = {"kind": "plan", "scanner": "HDL-32E", "samples": ["sa5", "sa6"]}
+SELECTION = PlanFigure(kind="plan", scanner="HDL-32E", samples=["sa5", "sa6"])
 PERFECT = WORLD.without_errors()
 
 
@@ -142,7 +142,7 @@ def test_bytes_depend_on_nothing_but_the_data(views, tmp_path, monkeypatch):
         names = ("medians", "surveys", "targets", "svg", "png", "csv")
         draw_plan.main(
             **dict(zip(names, (*views, *files), strict=True)), calibration=None,
-            samples=SELECTION["samples"], selection=SELECTION, limits=LIMITS, simulated=True,
+            samples=SELECTION.samples, selection=SELECTION, limits=LIMITS, simulated=True,
         )  # fmt: skip
         return [path.read_bytes() for path in files]
 

@@ -15,6 +15,7 @@ from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import Box
 from velocal.survey.targets import Targets, common
 
 #: The two calibrations that a map has.
@@ -135,15 +136,15 @@ class Section:
         return float(np.sqrt(np.mean(self.across[state] ** 2)))
 
 
-def section(xyz: Mapping[str, Array], box: Mapping[str, Sequence[float]], name: str) -> Section:
+def section(xyz: Mapping[str, Array], box: Box, name: str) -> Section:
     """Cut a stretch of an upright wall out of a map.
 
     Parameters
     ----------
     xyz : mapping of str to ndarray, shape (n, 3)
         The same returns with each of `STATES`.
-    box : mapping of str to (float, float)
-        ``x_m``, ``y_m``, ``z_m``, from and to. The wall runs along the longer horizontal side;
+    box : Box
+        The wall runs along the longer horizontal side;
         the box must hold nothing but the wall, and be wide enough across for its points.
     name : str
         For the error.
@@ -157,7 +158,7 @@ def section(xyz: Mapping[str, Array], box: Mapping[str, Sequence[float]], name: 
     VelocalError
         If the box holds fewer than ten points.
     """
-    limits = np.array([box[f"{axis}_m"] for axis in "xyz"], dtype=float)
+    limits = np.array([box.x_m, box.y_m, box.z_m], dtype=float)
     inside = np.all(
         [np.all((p >= limits[:, 0]) & (p <= limits[:, 1]), axis=1) for p in xyz.values()], axis=0
     )

@@ -24,6 +24,7 @@ from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods, panels
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
+from velocal.study import config
 
 DATA = Path(__file__).parent
 
@@ -46,7 +47,7 @@ class Figure:
     ----------
     number : str
         As in the file's name.
-    selection : mapping
+    selection : config.Figure
         Entry of the configuration.
     numbers : DataFrame
         What is plotted.
@@ -55,7 +56,7 @@ class Figure:
     """
 
     number: str
-    selection: Mapping[str, Any]
+    selection: config.Figure
     numbers: pd.DataFrame
     png: bytes
 
@@ -71,7 +72,7 @@ class Study:
         Whether the surveyed recordings are simulated.
     ledgers : mapping of str to mapping
         Ledger and rotations of every recording, by sample.
-    tables : mapping of str to mapping
+    tables : mapping of str to config.Table
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed cell with the reproduced one.
@@ -99,7 +100,7 @@ class Study:
     title: str
     simulated: bool
     ledgers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tables: Mapping[str, config.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
     figures: Sequence[Figure] = ()

@@ -20,6 +20,7 @@ from matplotlib.ticker import MultipleLocator
 
 from velocal.arrays import Array
 from velocal.io.storage import atomic
+from velocal.study.config import HistogramFigure, LaserFigure
 
 BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
 #: Okabe and Ito, without black and yellow.
@@ -156,7 +157,7 @@ def laser_axis(ax: Axes, n_lasers: int) -> None:
     ax.xaxis.set_minor_locator(MultipleLocator(1))
 
 
-def samples_title(selection: Mapping[str, Any], what: str) -> str:
+def samples_title(selection: LaserFigure | HistogramFigure, what: str) -> str:
     """Title of a figure of some samples: scanner, data, samples, and what is shown."""
-    samples = ", ".join(map(str, selection["samples"]))
-    return f"{selection['scanner']}, {selection['data']} data ({samples}): {what}"
+    samples = ", ".join(selection.samples)
+    return f"{selection.scanner}, {selection.data} data ({samples}): {what}"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -16,6 +15,7 @@ from velocal.reduction.assignment import NO_PLANE, Limits, assign
 from velocal.reporting.style import COLOURS, DARK, GREY, finish, metres, style
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.config import PlanFigure
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
 
@@ -110,14 +110,14 @@ def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[:: -(-len(rows) // MEDIANS) or 1]
 
 
-def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated: bool) -> Figure:
+def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) -> Figure:
     """Draw the numbers of `plan`, one panel per position with the same axes.
 
     Parameters
     ----------
     numbers : DataFrame
         Of all positions, one after the other.
-    selection : mapping
+    selection : PlanFigure
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
@@ -142,7 +142,7 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
             ax.set_ylabel("Y [m]" if ax is axes[0] else "")
         finish(
             figure, [axes[0]],
-            f"{selection['scanner']}: test field in plan, medians measured from each position",
+            f"{selection.scanner}: test field in plan, medians measured from each position",
             simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure

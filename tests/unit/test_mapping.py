@@ -18,6 +18,7 @@ from velocal.geometry.rigid import RigidTransformation
 from velocal.io import schemas, storage
 from velocal.reporting import captions
 from velocal.reporting.figures import interior_map as map_figure
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 from velocal.simulation import building, capture
@@ -73,7 +74,8 @@ def test_ranges_are_counted_in_the_ticks_of_the_scanner(name):
     }
     flat = replace(nominal(scanner), voff=np.zeros(scanner.n_lasers))
     pose = RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6)))
-    found = interior_map.rows(0, returns, scanner, 10.0, [flat, flat], pose)
+    beams = Beams.from_ticks(returns, scanner, 10.0)[returns["distance"] > 0]
+    found = interior_map.rows(0, beams, [flat, flat], pose)
     length = np.linalg.norm([found[f"{axis}_factory_m"] for axis in "xyz"], axis=0)
     expected = np.hypot(returns["distance"][[0, 2, 3]] * scanner.distance_tick_m,
                         flat.hoff[[0, 2, 3]])  # fmt: skip

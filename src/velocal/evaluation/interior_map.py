@@ -13,7 +13,6 @@ from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box
 from velocal.survey.targets import Targets, common
@@ -66,23 +65,17 @@ def first_complete(complete: NDArray[np.bool_], where: str) -> NDArray[np.int64]
 
 def rows(
     number: int,
-    returns: Mapping[str, NDArray[Any]],
-    scanner: Scanner,
-    rotation_rate_hz: float,
+    beams: Beams,
     calibrations: Sequence[LaserParameters],
     pose: RigidTransformation,
 ) -> dict[str, NDArray[Any]]:
-    """Points of the returns of a scan, without the shots that brought nothing.
+    """Points of the returns of a scan.
 
     Parameters
     ----------
     number : int
         Of the position.
-    returns : mapping of str to ndarray
-        Columns ``laser_id``, ``azimuth``, ``distance`` of `schemas.RETURNS`.
-    scanner : Scanner
-    rotation_rate_hz : float
-        For the angle at which late lasers of a firing fired.
+    beams : Beams
     calibrations : sequence of LaserParameters
         In the order of `STATES`.
     pose : RigidTransformation
@@ -93,8 +86,6 @@ def rows(
     dict of str to ndarray
         Columns of `schemas.MAP`.
     """
-    came_back = returns["distance"] > 0
-    beams = Beams.from_ticks(returns, scanner, rotation_rate_hz)[came_back]
     columns: dict[str, NDArray[Any]] = {
         "position": np.full(len(beams), number),
         "laser_id": beams.laser_id,

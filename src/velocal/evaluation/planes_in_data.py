@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import misclosure
-from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
@@ -23,6 +21,7 @@ from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box, PanelFit, PlaneSearch
 
+Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Lasers that must see a plane: two or three lines do not determine one.
@@ -274,7 +273,7 @@ def _medians(values: Array, group: Rows, chosen: NDArray[np.bool_]) -> Array:
     return medians
 
 
-def laser_table(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> pd.DataFrame:
+def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, NDArray[Any]]:
     """Statistics of s on a plane, one element per laser that sees it, in cm and per cent.
 
     Parameters
@@ -287,18 +286,18 @@ def laser_table(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> pd.DataFrame
 
     Returns
     -------
-    DataFrame
-        A row per laser that sees the plane.
+    dict of str to ndarray, shape (lasers that see the plane,)
     """
     laser_id, n_lasers = cloud.laser_id[plane.rows], len(cloud.parameters)
     heading = {"plane": plane.name}
-    table = pd.DataFrame(statistics_columns(heading, plane.s, laser_id, n_lasers, sigma_m))
-    return table[table["count"] > 0]
+    columns = statistics_columns(heading, plane.s, laser_id, n_lasers, sigma_m)
+    seen = columns["count"] > 0
+    return {name: column[seen] for name, column in columns.items()}
 
 
 def plane_row(
     plane: FieldPlane,
-    lasers: pd.DataFrame,
+    lasers: Mapping[str, NDArray[Any]],
     medians: Mapping[str, NDArray[Any]],
     tick_m: float,
 ) -> dict[str, Any]:
@@ -307,8 +306,8 @@ def plane_row(
     Parameters
     ----------
     plane : FieldPlane
-    lasers : DataFrame
-        What `laser_table` gave for it.
+    lasers : mapping of str to ndarray
+        What `laser_columns` gave for it.
     medians : mapping of str to ndarray
         Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
     tick_m : float
@@ -329,7 +328,9 @@ def plane_row(
         "range_m": plane.range_m,
         "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
         "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
-        **{name: summary[name] for name in ("rms_cm", "std_cm", "pooled_rms_cm")},
+        "rms_cm": summary["rms_cm"],
+        "std_cm": summary["std_cm"],
+        "pooled_rms_cm": summary["pooled_rms_cm"],
         "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
         "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,
         "flatness_max_cm": plane.fit.flatness_max_m * 1e2,
@@ -352,7 +353,7 @@ def tabulate(
     medians: Mapping[str, NDArray[Any]],
     heading: Mapping[str, str],
     sigma_m: float,
-) -> tuple[list[dict[str, Any]], pd.DataFrame]:
+) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
     """Everything that is reported of planes.
 
     Parameters
@@ -371,14 +372,18 @@ def tabulate(
     -------
     rows : list of dict
         `plane_row` and `geometry` of every plane.
-    lasers : DataFrame
-        `laser_table` of all planes below each other.
+    lasers : dict of str to ndarray
+        `laser_columns` of all planes below each other.
     """
-    parts = [laser_table(plane, cloud, sigma_m) for plane in planes]
+    parts = [laser_columns(plane, cloud, sigma_m) for plane in planes]
     rows = [
         plane_row(plane, part, medians, cloud.tick_m) | geometry(plane.fit.plane)
         for plane, part in zip(planes, parts, strict=True)
     ]
-    names = ["plane", "laser_id", "count", *LASER_COLUMNS]
-    table = pd.concat(parts)[names] if parts else pd.DataFrame(columns=names)
-    return rows, table.assign(**heading)[[*heading, *names]]
+    names = ("plane", "laser_id", "count", *LASER_COLUMNS)
+    table = {
+        name: np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
+        for name in names
+    }
+    same = {name: np.full(len(table["plane"]), value) for name, value in heading.items()}
+    return rows, same | table

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from velocal.adjustment.lasers import Observations
-from velocal.arrays import Array
 from velocal.evaluation.candidates import IDENTITY, Candidate
+
+Array = NDArray[np.float64]
 
 #: Columns that say which residuals a row of statistics is of.
 KEYS = ("scanner", "sample", "window", "data", *IDENTITY)
@@ -185,12 +185,12 @@ def statistics_table(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def summary_row(lasers: Mapping[str, Any] | pd.DataFrame) -> dict[str, float]:
+def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
     """Reduce the statistics of all lasers of a window to one row.
 
     Parameters
     ----------
-    lasers : mapping of str to array, shape (lasers,), or DataFrame
+    lasers : mapping of str to array, shape (lasers,)
         Columns of `statistics_columns` for one window and calibration.
 
     Returns

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import pandas as pd
+
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, Search, fit_patches, tabulate
@@ -44,7 +46,7 @@ def main(
     storage.write_json(planes, {**facts, "findings": findings, "planes": rows})
     storage.write_csv(lasers, statistics)
     members = {plane.name: plane.rows for plane in found}
-    figure = field_planes(cloud.xyz, members, statistics, facts, findings)
+    figure = field_planes(cloud.xyz, members, pd.DataFrame(statistics), facts, findings)
     save(figure, svg, png)
 
 

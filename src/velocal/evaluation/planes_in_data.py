@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import misclosure
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
@@ -21,7 +22,6 @@ from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.config import Box, PanelFit, PlaneSearch
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Lasers that must see a plane: two or three lines do not determine one.
@@ -328,9 +328,7 @@ def plane_row(
         "range_m": plane.range_m,
         "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
         "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
-        "rms_cm": summary["rms_cm"],
-        "std_cm": summary["std_cm"],
-        "pooled_rms_cm": summary["pooled_rms_cm"],
+        **{name: summary[name] for name in ("rms_cm", "std_cm", "pooled_rms_cm")},
         "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
         "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,
         "flatness_max_cm": plane.fit.flatness_max_m * 1e2,

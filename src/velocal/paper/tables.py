@@ -85,7 +85,7 @@ def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
         Columns `KEYS` and those of `summary_row`.
     """
     rows = [
-        {**dict(zip(KEYS, key, strict=True)), **summary_row(group)}
+        {**dict(zip(KEYS, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
         for key, group in lasers.groupby(list(KEYS), sort=False)
     ]
     return pd.DataFrame(rows)

@@ -19,6 +19,9 @@ TABLES, STATEMENTS = _FOLDER / "tables.csv", _FOLDER / "statements.csv"
 #: What the item of a statement begins with in the agreement.
 PREFIX = "text "
 
+#: Columns that say which row of which table it is.
+LABELS = ("table", "scanner", "sample", "window", "calibration")
+
 #: Quantities of a table, and how far a reproduced one may be from the printed one: some three
 #: seeds' standard deviations of the simulated world for std, less for the shares.
 TOLERANCES = {"std_cm": 0.3, "within_1sigma_pct": 6.0, "within_3sigma_pct": 2.5}
@@ -84,9 +87,9 @@ class PrintedRow:
         return READING.get((self.table, self.calibration, self.sample), self.sample)
 
     @property
-    def key(self) -> tuple[str, str, str, str]:
-        """Where the reproduced row is found: table, sample, window, calibration."""
-        return self.table, self.reproduced_sample, self.window, self.calibration
+    def key(self) -> tuple[str, ...]:
+        """Where the reproduced row is found: its `LABELS`."""
+        return self.table, self.scanner, self.reproduced_sample, self.window, self.calibration
 
     def item(self, quantity: str) -> str:
         """Name of a cell, as in "II HDL-64E sa3 beginning before std_cm"."""
@@ -97,8 +100,7 @@ class PrintedRow:
 
 def printed_rows() -> list[PrintedRow]:
     """Tables II to V as printed, row by row."""
-    columns = ["table", "scanner", "sample", "window", "calibration", *TOLERANCES]
-    rows = pd.read_csv(TABLES)[columns].itertuples(index=False)
+    rows = pd.read_csv(TABLES)[[*LABELS, *TOLERANCES]].itertuples(index=False)
     return [
         PrintedRow(
             table, scanner, sample, window, label, dict(zip(TOLERANCES, values, strict=True))

@@ -19,7 +19,7 @@ import pandas as pd
 from velocal.evaluation.candidates import IDENTITY
 from velocal.io import provenance
 from velocal.paper import agreement
-from velocal.paper.printed import CONTRADICTIONS, READING, TOLERANCES, printed_rows
+from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, printed_rows
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods, panels
@@ -146,8 +146,7 @@ def render(study: Study) -> str:
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
     cells = agreement.cells(study.agreement)
     content = {
-        "title": study.title,
-        "simulated": study.simulated,
+        **vars(study),
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
         "statements": agreement.statements_of(cells),
@@ -170,13 +169,9 @@ def render(study: Study) -> str:
             }
             for scanner, sets in study.sets.items()
         },
-        "ledgers": study.ledgers,
         "methods": methods.section(study.methods),
-        "methods_png": study.methods_png,
         "outdoor": panels.section(study.outdoor),
-        "outdoor_pictures": study.outdoor_pictures,
         "field": _plain(study.field_table),
-        "field_pictures": study.field_pictures,
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
         "tolerances": TOLERANCES,
@@ -243,7 +238,7 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
         table = build(number, selection, study.summary, simulated=study.simulated)
         rows = []
         for row in formatted(table.frame).to_dict(orient="records"):
-            paper = printed.get((table.number, row["sample"], row["window"], row["calibration"]))
+            paper = printed.get(tuple(row[name] for name in LABELS))
             rows.append(
                 {
                     **{str(name): value for name, value in row.items()},

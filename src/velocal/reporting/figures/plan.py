@@ -88,22 +88,14 @@ def plan(
         yield AHEAD, "", origin[1:], 0
 
     frames = [
-        pd.DataFrame(
-            {
-                "position": station.position,
-                "sample": sample,
-                "kind": kind,
-                "plane": name,
-                **{
-                    f"{axis}_m": np.round(where[:, column], 3) + 0.0
-                    for column, axis in enumerate("xyz")
-                },
-                "drawn_of": total or len(where),
-            }
+        pd.DataFrame(np.round(where, 3) + 0.0, columns=["x_m", "y_m", "z_m"]).assign(
+            kind=kind, plane=name, drawn_of=total or len(where)
         )
         for kind, name, where, total in parts()
     ]
-    return pd.concat(frames, ignore_index=True)
+    numbers = pd.concat(frames, ignore_index=True)
+    numbers = numbers.assign(position=station.position, sample=sample)
+    return numbers[["position", "sample", "kind", "plane", "x_m", "y_m", "z_m", "drawn_of"]]
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:

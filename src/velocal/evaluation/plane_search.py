@@ -182,9 +182,7 @@ class _Grid:
 
     def same_cells(self, rows: Rows, others: Rows) -> NDArray[np.bool_]:
         """Tell which of the others lie in a cell of some row."""
-        occupied = np.zeros(self.cells, dtype=bool)
-        occupied[self.cell[rows]] = True
-        return np.asarray(occupied[self.cell[others]])
+        return np.isin(self.cell[others], self.cell[rows])
 
     def largest_cluster(self, rows: Rows) -> Rows:
         """Rows of the largest connected cluster of cells; one empty cell does not break it."""

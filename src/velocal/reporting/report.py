@@ -239,18 +239,14 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
         rows = []
         for row in formatted(table.frame).to_dict(orient="records"):
             paper = printed.get(tuple(row[name] for name in LABELS))
-            rows.append(
-                {
-                    **{str(name): value for name, value in row.items()},
-                    "label": paper.sample if paper and paper.sample != row["sample"] else "",
-                    "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
-                }
-            )
+            beside: dict[Hashable, Any] = {
+                "label": paper.sample if paper and paper.sample != row["sample"] else "",
+                "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
+            }
+            rows.append(row | beside)
         result.append(
             {
-                "number": table.number,
-                "caption": table.caption,
-                "notes": table.notes,
+                **vars(table),
                 "rows": rows,
                 "compared": any(row["paper"] for row in rows),
                 "relabelled": any(key[0] == table.number for key in READING) and bool(cells),

@@ -128,8 +128,8 @@ def residuals_of(
         Residuals with the factory's parameters, and with those of the window; metres.
     """
     laser_id = selection.laser - 1
-    parts = [
-        [np.asarray(table[name])[table["laser_id"] == laser_id] for table in tables]
+    before, after = (
+        np.concatenate([table[name][table["laser_id"] == laser_id] for table in tables])
         for name in ("before_m", "after_m")
-    ]
-    return np.concatenate(parts[0]), np.concatenate(parts[1])
+    )
+    return before, after

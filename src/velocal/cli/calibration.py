@@ -13,13 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import (
-    RANGES_M,
-    RATE_HZ,
-    convert,
-    differences,
-    max_point_distance,
-)
+from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences, max_point_distance
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile

@@ -123,7 +123,9 @@ def build(number: str, selection: config.Table, summary: pd.DataFrame, *, simula
     halves = []
     for calibration, shown in (("before", BEFORE), ("after", after)):
         rows = shown.rows(of_data).set_index(wanted.names)
-        for sample, window in [each for each in wanted if each not in rows.index]:
+        missing = [each for each in wanted if each not in rows.index]
+        if missing:
+            sample, window = missing[0]
             raise VelocalError(
                 f"no statistics of {scanner}, sample {sample!r}, window {window!r}, "
                 f"{data} data, {calibration} calibration",
@@ -134,13 +136,12 @@ def build(number: str, selection: config.Table, summary: pd.DataFrame, *, simula
         halves.append(
             numbers.set_axis(list(STATISTICS), axis=1)
             .reset_index()
+            .assign(table=ROMAN[number], scanner=scanner)
             .assign(calibration=calibration, **shown.identity)
         )
     return Table(
         ROMAN[number],
-        pd.concat(halves, ignore_index=True).assign(table=ROMAN[number], scanner=scanner)[
-            list(COLUMNS)
-        ],
+        pd.concat(halves, ignore_index=True)[list(COLUMNS)],
         f"{scanner}, {data} data ({DATA[data]}): residuals s before and after calibration.",
         (_after_note(after), QUANTITIES, *([SIMULATED] if simulated else [])),
     )

@@ -13,7 +13,7 @@ import yaml
 from velocal.adjustment.lasers import adjust_all
 from velocal.io import schemas, storage
 from velocal.simulation import truth, world
-from velocal.study.config import Adjustments
+from velocal.study.adjustment import Adjustments
 from velocal.survey.station import read_station
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations
 from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits

@@ -7,7 +7,7 @@ from velocal.chain import adjust
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 from velocal.survey.station import read_station
 
 

@@ -8,7 +8,7 @@ from velocal.io.scripts import run
 from velocal.reduction.assignment import assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import AssignmentLimits
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 
 

@@ -11,7 +11,7 @@ from velocal.chain import as_file, write_calibration
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Export
+from velocal.study.outputs import Export
 
 
 def main(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.calibration.files import formats
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
@@ -12,7 +12,7 @@ from velocal.io.scripts import run
 from velocal.reporting.figures import methods as comparison
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 from velocal.survey.station import read_station
 
 

@@ -18,7 +18,7 @@ from velocal.simulation.coverage import (
     white_only,
 )
 from velocal.simulation.draws import full_draws, geometry, white_draws
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 
 #: Position of each scanner, and the step from one simulated laser to the next.
 POSITIONS, EVERY = {"HDL-64E": "P2", "HDL-32E": "P5"}, {"HDL-64E": 5, "HDL-32E": 3}

@@ -6,7 +6,7 @@ from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.histogram import draw_histogram, histogram, residuals_of
 from velocal.reporting.style import save
-from velocal.study.config import HistogramFigure
+from velocal.study.figures import HistogramFigure
 
 
 def main(

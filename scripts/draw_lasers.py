@@ -9,7 +9,7 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
 from velocal.reporting.style import save
-from velocal.study.config import LaserFigure
+from velocal.study.figures import LaserFigure
 
 
 def main(

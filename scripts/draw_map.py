@@ -7,7 +7,7 @@ from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.interior_map import draw_map, section_table
 from velocal.reporting.style import save
-from velocal.study.config import MapFigure
+from velocal.study.figures import MapFigure
 
 
 def main(

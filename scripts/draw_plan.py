@@ -11,7 +11,8 @@ from velocal.reporting.figures.plan import draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import AssignmentLimits, PlanFigure
+from velocal.study.figures import PlanFigure
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 

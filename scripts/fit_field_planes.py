@@ -14,7 +14,7 @@ from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Box, PlaneSearch
+from velocal.study.planes import Box, PlaneSearch
 
 
 def main(

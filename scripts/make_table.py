@@ -8,7 +8,7 @@ from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper import tables
-from velocal.study.config import Table
+from velocal.study.figures import Table
 
 
 def main(

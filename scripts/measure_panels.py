@@ -14,7 +14,7 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Panel, PanelFit
+from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
 
 

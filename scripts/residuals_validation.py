@@ -10,7 +10,8 @@ from velocal.io.scripts import run
 from velocal.reduction.assignment import COLUMNS, assigned_rows, first_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
-from velocal.study.config import AssignmentLimits, Validation
+from velocal.study.outputs import Validation
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 
 

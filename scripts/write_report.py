@@ -13,7 +13,7 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
-from velocal.study.config import Figure, Table
+from velocal.study.figures import Figure, Table
 
 FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 

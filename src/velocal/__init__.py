@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.scanner.models import SCANNERS as SCANNERS
     from velocal.scanner.models import Scanner as Scanner
     from velocal.scanner.parameters import LaserParameters as LaserParameters
-    from velocal.study.config import Adjustment as Adjustment
+    from velocal.study.adjustment import Adjustment as Adjustment
     from velocal.survey.station import Station as Station
     from velocal.survey.station import adjust_station as adjust_station
     from velocal.survey.station import read_station as read_station
@@ -59,7 +59,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
 
 #: Module of every public name.
 _PLACES = {
-    "Adjustment": "study.config",
+    "Adjustment": "study.adjustment",
     "Beams": "scanner.beam",
     "CalibrationFile": "calibration.files.document",
     "CalibrationSet": "adjustment.result",

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.calibration.convert import for_program
@@ -20,7 +21,7 @@ from velocal.reduction.assignment import Limits, assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 from velocal.survey.station import Station
 
 #: Standard deviation of a distance in the datasheets of the HDL-64E and the HDL-32E, metres.

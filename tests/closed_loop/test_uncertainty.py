@@ -20,7 +20,7 @@ from velocal.simulation.coverage import (
     white_only,
 )
 from velocal.simulation.draws import full_draws, geometry, white_draws
-from velocal.study.config import Adjustments
+from velocal.study.adjustment import Adjustments
 
 CONFIG = yaml.safe_load((WORLD.parent / "config.yaml").read_text())["adjustment"]
 MODEL = Adjustments.model_validate(CONFIG).stochastic()

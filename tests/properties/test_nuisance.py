@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from velocal.adjustment.functional import misclosure
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.nuisance import by_plane, by_pose
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.solvers import GaussHelmert
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.geometry.rigid import rotation_from_vector

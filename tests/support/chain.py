@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic

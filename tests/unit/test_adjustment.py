@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from reference.paper_forms import PaperLiteral
 
-from velocal.adjustment.lasers import Observations, adjust_all, adjust_laser, joined
+from velocal.adjustment.lasers import adjust_all, adjust_laser
 from velocal.adjustment.linear import System
+from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.solvers import PaperModel, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError, VelocalError
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 from velocal.study.model import validated
 
 RNG = np.random.default_rng(1)

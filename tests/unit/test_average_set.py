@@ -10,7 +10,7 @@ from velocal.calibration.dialects import DIALECTS, PAPER
 from velocal.calibration.files import formats
 from velocal.io import storage
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import Export
+from velocal.study.outputs import Export
 
 
 def quality(n):

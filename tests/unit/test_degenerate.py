@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.solvers import (
     GaussHelmert,
     OrdinaryLeastSquares,

@@ -15,7 +15,7 @@ from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
-from velocal.study.config import Box, PlaneSearch
+from velocal.study.planes import Box, PlaneSearch
 
 SCANNER = scanner_named("HDL-32E")
 SEARCH = planes_in_data.Search(

@@ -11,7 +11,7 @@ from support.results import statistics
 from velocal.errors import VelocalError
 from velocal.io import schemas, storage
 from velocal.reporting.figures import histogram, per_laser
-from velocal.study.config import HistogramFigure, LaserFigure
+from velocal.study.figures import HistogramFigure, LaserFigure
 
 LASERS, SUMMARY = statistics()
 

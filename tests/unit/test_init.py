@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 from velocal.cli import app
 from velocal.reduction.assignment import Limits
 from velocal.scanner.models import SCANNERS
-from velocal.study.config import Adjustment, StudyConfig
+from velocal.study.adjustment import Adjustment
+from velocal.study.config import StudyConfig
 from velocal.study.model import read_yaml
 from velocal.study.schema import keys
 from velocal.study.study import read_study

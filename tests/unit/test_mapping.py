@@ -24,8 +24,9 @@ from velocal.scanner.parameters import nominal
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
-from velocal.study.config import Box, MapFigure
+from velocal.study.figures import MapFigure
 from velocal.study.model import read_yaml
+from velocal.study.planes import Box
 from velocal.survey.targets import Targets, write_targets
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ from compare_methods import main
 from support.station import write_station
 
 from velocal.adjustment.joint import adjust_joint
-from velocal.adjustment.lasers import Observations, joined
+from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.evaluation import methods
@@ -19,7 +19,7 @@ from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 
 N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}

@@ -18,7 +18,7 @@ from velocal.reporting.style import save
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
-from velocal.study.config import Panel, PanelFit
+from velocal.study.planes import Panel, PanelFit
 
 SCANNER = "HDL-32E"
 BOXES = {

@@ -16,7 +16,8 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
-from velocal.study.config import AssignmentLimits, PlanFigure
+from velocal.study.figures import PlanFigure
+from velocal.study.reduction import AssignmentLimits
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station, read_station
 from velocal.survey.targets import write_targets

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from velocal.adjustment.lasers import Observations, adjust_all
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.solvers import GaussHelmert, WithPrior
 from velocal.adjustment.stochastic import Stochastic
 from velocal.scanner.parameters import LaserParameters

@@ -19,7 +19,7 @@ from velocal.paper import tables
 from velocal.reporting import report
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
-from velocal.study.config import LaserFigure
+from velocal.study.figures import LaserFigure
 
 LASERS, SUMMARY = statistics()
 FACTORY = nominal(SCANNERS["HDL-32E"])

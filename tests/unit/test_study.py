@@ -161,6 +161,11 @@ TARGETS = {
 }
 
 
+def sheet(folder, key):
+    """File of the template that a key of `survey` names."""
+    return folder / "survey" / f"{'base_field' if key == 'base_site' else key}.csv"
+
+
 @pytest.mark.parametrize("untouched", TARGETS)
 def test_untouched_templates_of_the_survey(own, tmp_path, untouched):
     for name, row in TARGETS.items():
@@ -168,7 +173,7 @@ def test_untouched_templates_of_the_survey(own, tmp_path, untouched):
             rows = [row.format(plane) for plane in ("wall1", "wall2", "floor")][
                 : row.count("{") * 3
             ]
-            with (tmp_path / f"survey/{name}.csv").open("a") as file:
+            with sheet(tmp_path, name).open("a") as file:
                 file.writelines(rows or [row])
     with pytest.raises(ConfigError, match=rf"survey.{untouched}: .*no target"):
         check_files(read_study(own, "config"), "config")
@@ -186,7 +191,7 @@ def test_survey_files_of_something_else(own, tmp_path, name, wrong, message):
     for each, row in TARGETS.items():
         rows = [row.format(plane) for plane in ("wall1", "wall2", "floor")][: row.count("{") * 3]
         text = "".join(rows or [row])
-        with (tmp_path / f"survey/{each}.csv").open("a") as file:
+        with sheet(tmp_path, each).open("a") as file:
             file.write(text.replace(*wrong) if each == name else text)
     with pytest.raises(ConfigError, match=message):
         check_files(read_study(own, "config"), "config")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from velocal.adjustment.lasers import Observations, adjust_laser
+from velocal.adjustment.lasers import adjust_laser
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import StorageError, SurveyError

@@ -7,7 +7,7 @@ import residuals_validation
 from scipy.stats import chi2
 from support.station import write_station
 
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.calibration.files import formats
 from velocal.errors import VelocalError
 from velocal.evaluation.candidates import Candidate, Role, with_sets
@@ -22,7 +22,8 @@ from velocal.geometry.planes import Patch, Plane
 from velocal.io import schemas, storage
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
-from velocal.study.config import AssignmentLimits, Validation
+from velocal.study.outputs import Validation
+from velocal.study.reduction import AssignmentLimits
 
 S = np.array([0.01, -0.03, 0.02, 0.05, 0.07, 0.001, -0.002])
 LASER = np.array([0, 0, 0, 2, 2, 2, 2])

@@ -44,7 +44,7 @@ def hand_over(folder):
     for name, group, targets in (
         ("planes", "plane", surveyed.planes),
         ("base_scanner", "scanner", surveyed.base_scanner[SCANNER].targets),
-        ("base_site", "position", surveyed.base_site[POSITION]),
+        ("base_field", "position", surveyed.base_site[POSITION]),
     ):
         write_targets(folder / f"survey/{name}.csv", group, [targets])
 

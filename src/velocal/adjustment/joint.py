@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.core import gauss_newton
 from velocal.adjustment.functional import ADJUSTABLE, scaled, split
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
 from velocal.scanner.beam import laser_beams

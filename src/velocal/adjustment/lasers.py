@@ -3,102 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment import nuisance, quality
 from velocal.adjustment.core import Block, gauss_newton
-from velocal.adjustment.functional import ADJUSTABLE, design, misclosure, scaled, split
+from velocal.adjustment.functional import ADJUSTABLE, design, scaled, split
 from velocal.adjustment.linear import Step, System
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver, solve
 from velocal.adjustment.stochastic import Stochastic, block_numbers
+from velocal.arrays import Array
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Observations:
-    """Distances to planes whose lasers are adjusted, from one or several stations.
-
-    Attributes
-    ----------
-    distance_m, phi, laser_id : ndarray, shape (n,)
-        Raw distance (metres), rotational angle (radians), laser.
-    normal : ndarray, shape (n, 3)
-        Unit normal of the plane of each, in the scanner frame of its station.
-    offset : ndarray, shape (n,)
-        Its offset, metres.
-    plane : ndarray of int, shape (n,), or None
-        Plane among those of the station; None where there is one only.
-    station : ndarray of int, shape (n,), or None
-        Station; None where there is one only.
-    """
-
-    distance_m: Array
-    phi: Array
-    laser_id: NDArray[np.integer]
-    normal: Array
-    offset: Array
-    plane: NDArray[np.integer] | None = None
-    station: NDArray[np.integer] | None = None
-
-    @property
-    def plane_number(self) -> NDArray[np.integer]:
-        """`plane`, zeros where it is None."""
-        return np.zeros(len(self.phi), dtype=np.int64) if self.plane is None else self.plane
-
-    @property
-    def station_number(self) -> NDArray[np.integer]:
-        """`station`, zeros where it is None."""
-        return np.zeros(len(self.phi), dtype=np.int64) if self.station is None else self.station
-
-    def take(self, rows: slice | NDArray[np.integer] | NDArray[np.bool_]) -> Observations:
-        """Some of the observations."""
-        return Observations(
-            self.distance_m[rows],
-            self.phi[rows],
-            self.laser_id[rows],
-            self.normal[rows],
-            self.offset[rows],
-            self.plane_number[rows],
-            self.station_number[rows],
-        )
-
-    def of_laser(self, laser: int) -> Observations:
-        """Observations of one laser."""
-        return self.take(self.laser_id == laser)
-
-    def misclosure(self, parameters: LaserParameters, scale: Array | None = None) -> Array:
-        """Distance s along the beam of every observation, metres, shape (n,)."""
-        return misclosure(
-            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset, scale
-        )
-
-    def design(
-        self, parameters: LaserParameters, scale: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Misclosures and design matrix; see `functional.design`."""
-        return design(
-            self.distance_m, self.phi, self.laser_id, parameters, self.normal, self.offset, scale
-        )
-
-
-def joined(stations: Sequence[Observations]) -> Observations:
-    """Observations of several stations, to be adjusted together."""
-    return Observations(
-        np.concatenate([each.distance_m for each in stations]),
-        np.concatenate([each.phi for each in stations]),
-        np.concatenate([each.laser_id for each in stations]),
-        np.concatenate([each.normal for each in stations]),
-        np.concatenate([each.offset for each in stations]),
-        np.concatenate([each.plane_number for each in stations]),
-        np.concatenate([np.full(len(each.phi), i) for i, each in enumerate(stations)]),
-    )
 
 
 class LaserProblem:

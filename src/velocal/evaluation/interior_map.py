@@ -14,7 +14,7 @@ from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import Box
+from velocal.study.planes import Box
 from velocal.survey.targets import Targets, common
 
 #: The two calibrations that a map has.

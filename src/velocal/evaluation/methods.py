@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.average import Member, average
 from velocal.adjustment.joint import adjust_joint
-from velocal.adjustment.lasers import Observations, adjust_all, joined
+from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.robust import Robust
 from velocal.adjustment.solvers import (

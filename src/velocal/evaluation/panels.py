@@ -26,7 +26,7 @@ from velocal.evaluation.planes_in_data import (
 )
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
-from velocal.study.config import Box, Panel
+from velocal.study.planes import Box, Panel
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import Box, PanelFit, PlaneSearch
+from velocal.study.planes import Box, PanelFit, PlaneSearch
 
 Rows = NDArray[np.int64]
 

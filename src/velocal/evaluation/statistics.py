@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
 from velocal.evaluation.candidates import IDENTITY, Candidate
 

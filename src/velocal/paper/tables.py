@@ -10,7 +10,7 @@ from velocal.errors import ConfigError, VelocalError
 from velocal.evaluation.statistics import KEYS, summary_row
 from velocal.io.markup import latex_tabular, latex_text, markdown_table
 from velocal.paper.best_set import BEFORE, Shown, shown_after
-from velocal.study import config
+from velocal.study import figures
 from velocal.study.samples import WINDOWS
 
 #: Number of a table as the paper writes it.
@@ -91,14 +91,16 @@ def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def build(number: str, selection: config.Table, summary: pd.DataFrame, *, simulated: bool) -> Table:
+def build(
+    number: str, selection: figures.Table, summary: pd.DataFrame, *, simulated: bool
+) -> Table:
     """Put a table together.
 
     Parameters
     ----------
     number : str
         Arabic number of the table, a key of `ROMAN`.
-    selection : config.Table
+    selection : figures.Table
         Entry of the configuration.
     summary : DataFrame
         Statistics of all windows.

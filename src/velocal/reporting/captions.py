@@ -8,7 +8,7 @@ import pandas as pd
 from velocal.evaluation.interior_map import STATES
 from velocal.reporting.figures.per_laser import TITLES, name_after
 from velocal.reporting.figures.plan import MEDIANS
-from velocal.study.config import Figure, HistogramFigure, MapFigure, PlanFigure
+from velocal.study.figures import Figure, HistogramFigure, MapFigure, PlanFigure
 
 
 def caption(selection: Figure, numbers: pd.DataFrame) -> str:

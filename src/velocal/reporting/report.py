@@ -24,7 +24,7 @@ from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods, panels
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
-from velocal.study import config
+from velocal.study import figures
 
 DATA = Path(__file__).parent
 
@@ -47,7 +47,7 @@ class Figure:
     ----------
     number : str
         As in the file's name.
-    selection : config.Figure
+    selection : figures.Figure
         Entry of the configuration.
     numbers : DataFrame
         What is plotted.
@@ -56,7 +56,7 @@ class Figure:
     """
 
     number: str
-    selection: config.Figure
+    selection: figures.Figure
     numbers: pd.DataFrame
     png: bytes
 
@@ -72,7 +72,7 @@ class Study:
         Whether the surveyed recordings are simulated.
     ledgers : mapping of str to mapping
         Ledger and rotations of every recording, by sample.
-    tables : mapping of str to config.Table
+    tables : mapping of str to figures.Table
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed cell with the reproduced one.
@@ -100,7 +100,7 @@ class Study:
     title: str
     simulated: bool
     ledgers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    tables: Mapping[str, config.Table] = field(default_factory=dict)
+    tables: Mapping[str, figures.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
     figures: Sequence[Figure] = ()

@@ -20,7 +20,7 @@ from matplotlib.ticker import MultipleLocator
 
 from velocal.arrays import Array
 from velocal.io.storage import atomic
-from velocal.study.config import HistogramFigure, LaserFigure
+from velocal.study.figures import HistogramFigure, LaserFigure
 
 BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
 #: Okabe and Ito, without black and yellow.

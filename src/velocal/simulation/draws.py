@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.geometry.planes import Plane
 from velocal.geometry.rigid import RigidTransformation

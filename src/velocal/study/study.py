@@ -11,18 +11,18 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from velocal.errors import ConfigError
+from velocal.study.adjustment import Adjustment
 from velocal.study.config import (
-    Adjustment,
-    Assignment,
     Coordinates,
     Methods,
     ObservationFiles,
     Observations,
     StudyConfig,
-    Validation,
     Windows,
 )
 from velocal.study.model import Section, validated
+from velocal.study.outputs import Validation
+from velocal.study.reduction import Assignment
 from velocal.study.samples import (
     OutdoorSample,
     SurveyedSample,

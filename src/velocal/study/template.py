@@ -12,7 +12,7 @@ import jinja2
 from velocal.errors import ConfigError
 from velocal.io import storage
 from velocal.scanner.models import SCANNERS, Scanner
-from velocal.study.config import Adjustment
+from velocal.study.adjustment import Adjustment
 
 #: Where the capture and the factory's file are looked for until the sample table says otherwise.
 CAPTURES = "captures"

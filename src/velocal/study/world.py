@@ -6,7 +6,7 @@ The reasons of the constants stand as comments in the file itself.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -28,7 +28,9 @@ from velocal.study.model import (
     read_yaml,
     validated,
 )
-from velocal.study.study import Study
+
+if TYPE_CHECKING:  # a change of the configuration's models does not change a simulated recording
+    from velocal.study.study import Study
 
 PositionName = Annotated[Name, Placeholder("{position}")]
 SampleName = Annotated[Name, Placeholder("{sample}")]

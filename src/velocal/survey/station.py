@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.adjustment.lasers import Observations
+from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.errors import StorageError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from velocal.errors import VelocalError
 from velocal.reporting.style import AFTER, BEFORE, DASHED, GREY, finish, samples_title, style
-from velocal.study.config import HistogramFigure
+from velocal.study.figures import HistogramFigure
 
 #: Widths of histogram bins to choose from, cm, and about how many bins to have.
 _BIN_WIDTHS_CM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from velocal.arrays import Array
 from velocal.evaluation.interior_map import STATES, Section
 from velocal.reporting.style import AFTER, BEFORE, DARK, finish, metres, style
-from velocal.study.config import Box, MapFigure
+from velocal.study.figures import MapFigure
+from velocal.study.planes import Box
 
 #: Heights are drawn upward at this share of their length, X and Y as they are.
 LIFT = 0.5

@@ -28,7 +28,7 @@ from velocal.reporting.style import (
     samples_title,
     style,
 )
-from velocal.study.config import LaserFigure
+from velocal.study.figures import LaserFigure
 
 #: Column, its axis label, and the share of a normal distribution about zero with the datasheet's
 #: standard deviation (None: the standard deviation itself), by kind.

@@ -15,7 +15,7 @@ from velocal.reduction.assignment import NO_PLANE, Limits, assign
 from velocal.reporting.style import COLOURS, DARK, GREY, finish, metres, style
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
-from velocal.study.config import PlanFigure
+from velocal.study.figures import PlanFigure
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
 

@@ -1,0 +1,38 @@
+"""What the configuration says of validation and of the files for drivers."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from velocal.calibration.dialects import DIALECTS
+from velocal.study.model import (
+    Count,
+    Positive,
+    Section,
+    enum,
+    known_as,
+)
+
+_PROGRAMS = [name for name in DIALECTS if name != "paper"]
+
+
+Program = Annotated[str, known_as("program", _PROGRAMS), enum(_PROGRAMS)]
+
+
+class Export(Section):
+    """Programs that the files of the parameter sets are written for."""
+
+    yaml: Program = Field(
+        default="ros",
+        description="program that reads the `.yaml` files; `docs/dialects.md` lists them",
+    )
+    xml: Program = Field(default="veloview", description="program that reads the `.xml` files")
+
+
+class Validation(Section):
+    """Residuals of single scans."""
+
+    sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
+    rotations: Count = Field(description="single rotations of each window that are used")

@@ -1,0 +1,60 @@
+"""Pages and texts: what they name exists, and their words are plain."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += [ROOT / "config/README.md", ROOT / "results/README.md"]
+TEXTS = [
+    path
+    for pattern in ("src/**/*.py", "scripts/*.py", "workflow/**/*.smk", "config/*.yaml")
+    for path in sorted(ROOT.glob(pattern))
+]
+#: Words of an idiom that readers stumble over; `CONTRIBUTING.md` asks for plain sentences.
+UNCLEAR = re.compile(
+    r"so many-th|turned on by|comes? to rest|hangs? together|for ever\b|\bmends?\b|\barms?\b|"
+    r"\bgates\b|\bsights\b|open combination|sample sheet",
+    re.IGNORECASE,
+)
+
+
+def named(page, pattern):
+    """What a page names in backticks that looks like a pattern."""
+    return re.findall(rf"`({pattern})`", page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_that_a_page_names_exist(page):
+    folders = "src/velocal|scripts|workflow|config|docs|tests|benchmarks"
+    for name in named(page, rf"(?:{folders})/[\w./-]+"):
+        assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_names_of_the_library_that_a_page_uses_exist(page):
+    for name in named(page, r"velocal(?:\.\w+)+"):
+        parts = name.split(".")
+        if parts[1] in ("kind", "version", "facts"):  # keys in the metadata of Parquet files
+            continue
+        found = import_module(parts[0])
+        for depth, part in enumerate(parts[1:], start=2):
+            if not hasattr(found, part):
+                import_module(".".join(parts[:depth]))
+            found = getattr(found, part)
+
+
+@pytest.mark.parametrize("path", [*PAGES, *TEXTS], ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_words_are_plain(path):
+    text = path.read_text(encoding="utf-8")
+    # The names of random numbers stay: another name would give other numbers.
+    lines = [line for line in text.splitlines() if UNCLEAR.search(line) and "rng(" not in line]
+    assert not lines
+
+
+def test_unclear_words_are_found():
+    assert UNCLEAR.search("Only every so many-th of them.")
+    assert not UNCLEAR.search("Recommended limits of the parameters.")

@@ -1,17 +1,16 @@
 """Time of the paper's n x n pseudo-inverse against the fast form, for n rows and 3 parameters.
 
-Usage: PYTHONPATH=tests python benchmarks/paper_model.py [n ...]
-(default 200 500 1000; 2000 takes a while)
+Usage: python benchmarks/paper_model.py [n ...]      (default 200 500 1000; 2000 takes a while)
 """
 
 import sys
 import time
 
 import numpy as np
-from reference.paper_forms import PaperLiteral
 
 from velocal.adjustment.linear import System
 from velocal.adjustment.solvers import PaperModel, Solver
+from velocal.paper.residual_form import PaperLiteral
 
 LITERAL, FAST = PaperLiteral(), PaperModel(truncate_at=None)
 

@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from reference.paper_forms import beta, paper_form
 
 from velocal.adjustment.functional import ADJUSTABLE, design, misclosure
+from velocal.paper.residual_form import beta, paper_form
 from velocal.scanner.beam import points
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
 

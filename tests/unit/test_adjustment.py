@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.paper_forms import PaperLiteral
 
 from velocal.adjustment.lasers import adjust_all, adjust_laser
 from velocal.adjustment.linear import System
@@ -13,6 +12,7 @@ from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.solvers import PaperModel, WithPrior
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.errors import ConfigError, VelocalError
+from velocal.paper.residual_form import PaperLiteral
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
 from velocal.study.adjustment import Adjustment
 from velocal.study.model import validated

@@ -1,8 +1,8 @@
 """Functional model: the distance s along the beam to the plane, and its derivatives.
 
 The plane is ``n . X + d = 0`` with a unit normal: a wall, a floor or a tilted plane. The paper's
-form with the angle beta of its Table I, which holds for vertical planes only, is a reference of
-the tests.
+form with the angle beta of its Table I, which holds for vertical planes only, is a reference in
+`velocal.paper.residual_form`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The paper's own forms, as references: the residual with Table I, and the adjustment.
 
-The residual holds for vertical planes only. Tests and a benchmark compare the library with them.
+The residual holds for vertical planes only. Nothing else in the library uses this module.
 """
 
 from __future__ import annotations
@@ -8,10 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.adjustment.linear import Step, System
 from velocal.adjustment.solvers import PaperModel
-from velocal.arrays import Array
+
+Array = NDArray[np.float64]
 
 
 def beta(phi: Array, alpha: Array, omega: Array) -> Array:

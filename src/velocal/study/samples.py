@@ -134,8 +134,8 @@ def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
             raise ConfigError(
                 f"sample {sample.name!r} occurs twice",
                 where=where,
-                hint=f"It stands in row {list(found).index(sample.name) + 1} already; every "
-                "recording needs its own name.",
+                hint=f"Row {list(found).index(sample.name) + 1} has the same name; every recording "
+                "needs its own name.",
             )
         found[sample.name] = sample
     return found

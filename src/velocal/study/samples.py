@@ -19,7 +19,7 @@ WHOLE = "all"
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
 
-#: An empty cell means that nothing is chosen.
+#: An empty entry means that nothing is chosen.
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
 
 
@@ -48,7 +48,7 @@ class Sample(Row):
     port: Annotated[int | None, Field(ge=1, le=65535), _Any] = Field(
         default=None,
         description="UDP port to which this scanner sent, where a capture holds several scanners; "
-        "an empty cell means any",
+        "an empty entry means any",
     )
     address: Annotated[str | None, Field(pattern=r"^([0-9.]+|/[A-Za-z0-9_/]+)$"), _Any] = Field(
         default=None,

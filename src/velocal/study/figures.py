@@ -71,8 +71,8 @@ class MapFigure(Section):
     sections: dict[SectionName, Box] = Field(
         min_length=1,
         description="stretches of walls, as boxes in the frame of the building that contain "
-        "nothing but the wall, which runs along their longer horizontal side; `map/summary.csv` gives "
-        "the thickness of each, and the first is drawn",
+        "nothing but the wall, which runs along their longer horizontal side; `map/summary.csv` "
+        "gives the thickness of each, and the first is drawn",
     )
 
 

@@ -16,11 +16,10 @@ from velocal.adjustment.core import gauss_newton
 from velocal.adjustment.functional import ADJUSTABLE, scaled, split
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import LaserParameters
-
-Array = NDArray[np.float64]
 
 #: The datum: corrections whose mean over the observed lasers is kept at zero, because a common
 #: alpha cannot be told from a rotation of all planes, nor a common range scale from their size.

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.stochastic import Stochastic
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 #: Length over which the deviation of a surface from its plane is about the same, metres. It is the
 #: integral of the correlation along a line, for waves of 0.7 to 2.5 m in all directions.

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from velocal.adjustment.functional import ADJUSTABLE, ADJUSTABLE_UNITS, split
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
 
-Array = NDArray[np.float64]
 #: Degrees of freedom at which Student's distribution is the normal one.
 _NORMAL = 1e9
 #: Columns of a table of covariances that name a pair of parameters; sources are the others.

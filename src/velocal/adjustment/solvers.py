@@ -11,11 +11,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.linear import Step, System, across, decomposed, rotated
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 
 class Solver(Protocol):

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
+
 
 @dataclass(frozen=True)
 class Chunk:
@@ -34,7 +36,7 @@ class Chunk:
     offsets: NDArray[np.int64]
     sizes: NDArray[np.int64]
     end: int
-    capture_time_s: NDArray[np.float64] | None = None
+    capture_time_s: Array | None = None
     sender: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.simulation.scene import Scene, Surface
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World, true_pose
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: Largest distance of the origin of a beam from the origin of the scanner, metres.
 _REACH_M = 0.2

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.packets.data import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.packets.status import TABLE_PACKETS
 from velocal.scanner.beam import laser_beams
@@ -145,7 +146,7 @@ def records(
     trailing = _trailing(world, scanner, sample)
     within_packet = np.arange(firings_per_packet) * (packet_interval / firings_per_packet)
 
-    def fired(number: NDArray[np.int64]) -> NDArray[np.float64]:
+    def fired(number: NDArray[np.int64]) -> Array:
         return np.asarray((number[:, None] * packet_interval + within_packet).ravel())
 
     if shots is None:
@@ -181,7 +182,7 @@ def records(
 
 def _trailing(
     world: World, scanner: Scanner, sample: str
-) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
+) -> Callable[[NDArray[np.int64], Array, NDArray[np.int64]], NDArray[np.uint8]]:
     """Function that gives the last two bytes of packets, shape (n, 2).
 
     Its arguments are the numbers of the packets, their times as shares of the recording, and their
@@ -199,20 +200,20 @@ def _trailing(
     )
 
 
-def _ticks(angle_deg: NDArray[np.float64], step: int = 1) -> NDArray[np.int64]:
+def _ticks(angle_deg: Array, step: int = 1) -> NDArray[np.int64]:
     """Raw azimuth of angles, a multiple of `step`."""
     turns = np.rint(angle_deg / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step
     return np.asarray(turns % AZIMUTH_TICKS)
 
 
-def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64]:
+def _turned(time: Array, unit: ScannerWorld) -> Array:
     """Degrees turned since the start; the rate swings slowly, period 7 s."""
     swing = 2.0 * np.pi / 7.0
     wobble = unit.rotation_rate_variation * (1.0 - np.cos(swing * time)) / swing
     return 360.0 * unit.rotation_rate_hz * (time + wobble)
 
 
-def _between(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float32]:
+def _between(nodes: Array, at: Array) -> NDArray[np.float32]:
     """Linear interpolation of rows of `nodes`, evenly spaced from 0 to 1; shape (len(at), n)."""
     place = np.clip(at, 0.0, 1.0) * (len(nodes) - 1)
     left = np.minimum(place.astype(np.int64), len(nodes) - 2)

@@ -16,10 +16,9 @@ from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import Array
 from velocal.simulation.draws import Draw, Geometry, exact
 from velocal.simulation.world import ErrorModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

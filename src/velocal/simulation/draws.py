@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
+from velocal.arrays import Array
 from velocal.geometry.planes import Plane
 from velocal.geometry.rigid import RigidTransformation
 from velocal.scanner.beam import laser_beams
@@ -26,8 +27,6 @@ from velocal.simulation.world import ErrorModel, World
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: Surveyed planes, in the order of the numbers of `Geometry.plane`.
 PLANES = ("short_wall", "long_wall", "floor")

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.scene import Scene, Surface, draw_relief
 from velocal.simulation.truth import UnitTruth, position_errors, unit_truth
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
 
 #: Half the width of the simulated square of ground, metres.
 GROUND_M = 150.0

@@ -9,11 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.geometry.rigid import RigidTransformation
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

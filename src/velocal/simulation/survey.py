@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.simulation.scene import Surface, site_surfaces
 from velocal.simulation.world import World
 from velocal.survey.network.field_book import FieldBook
@@ -21,7 +21,6 @@ from velocal.survey.network.model import (
 )
 from velocal.survey.targets import Targets
 
-Array = NDArray[np.float64]
 #: Least distance of a target from the edge of a surface, metres.
 _EDGE_M = 0.05
 _ARCSEC = np.pi / 648e3

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from velocal.arrays import Array
 from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
 from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
 
 #: Ranges at which the factory calibrates an HDL-64E S2 besides its far point (manual).
 NEAR_POINTS_M = {"x": 2.4, "y": 1.93}

@@ -13,6 +13,7 @@ hardly changes with the rotational angle, so that its rounding errors are alike 
 import numpy as np
 import pytest
 from support.chain import Loop, run, study_world
+from support.world import without_errors
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel
@@ -32,7 +33,7 @@ CASES = {
 def loop(request, tmp_path_factory) -> tuple[Loop, float]:
     position, half_step = CASES[request.param]
     result = run(
-        study_world().without_errors(),
+        without_errors(study_world()),
         request.param,
         position,
         tmp_path_factory.mktemp("loop"),

@@ -22,7 +22,8 @@ from velocal.scanner.models import (
 from velocal.simulation.scene import Scene, cast, site_scene
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 from velocal.simulation.truth import drift, factory_parameters, unit_truth
-from velocal.simulation.world import ScannerWorld, World
+from velocal.simulation.world import World
+from velocal.study.world import ScannerUnit
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000
@@ -196,7 +197,7 @@ def _trailing(
     # The recording begins anywhere in the table.
     first = int(world.rng("status", scanner.name, sample).integers(TABLE_PACKETS))
     return lambda number, share, time_us: status_bytes(
-        packets, first + number, time_us, STEADY_DEG_C + world.warmth.temperature_k(sample, share)
+        packets, first + number, time_us, STEADY_DEG_C + world.temperature_k(sample, share)
     )
 
 
@@ -206,7 +207,7 @@ def _ticks(angle_deg: Array, step: int = 1) -> NDArray[np.int64]:
     return np.asarray(turns % AZIMUTH_TICKS)
 
 
-def _turned(time: Array, unit: ScannerWorld) -> Array:
+def _turned(time: Array, unit: ScannerUnit) -> Array:
     """Degrees turned since the start; the rate swings slowly, period 7 s."""
     swing = 2.0 * np.pi / 7.0
     wobble = unit.rotation_rate_variation * (1.0 - np.cos(swing * time)) / swing
@@ -226,7 +227,7 @@ def _measure(
     ideal: NDArray[np.float32],
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
-    unit: ScannerWorld,
+    unit: ScannerUnit,
     tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""

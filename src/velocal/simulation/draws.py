@@ -23,7 +23,8 @@ from velocal.scanner.parameters import LaserParameters
 from velocal.simulation.scene import Surface, cast, site_surfaces
 from velocal.simulation.survey import base_targets_true, field_book, true_targets
 from velocal.simulation.truth import factory_parameters
-from velocal.simulation.world import ErrorModel, World
+from velocal.simulation.world import World
+from velocal.study.world import Errors
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
@@ -59,7 +60,7 @@ class Geometry:
     plane: NDArray[np.int64]
 
     @property
-    def errors(self) -> ErrorModel:
+    def errors(self) -> Errors:
         """Error model of the unit."""
         return self.world.scanner(self.scanner).errors
 
@@ -200,10 +201,13 @@ def full_draws(
     """
     errors, n_lasers = at.errors, len(at.factory)
     factors = _pattern_factors(at)
-    worlds = [replace(at.world, seed=int(s)) for s in _rng(seed, 0, 1).integers(2**31, size=scenes)]
+    worlds = [
+        at.world.model_copy(update={"seed": int(s)})
+        for s in _rng(seed, 0, 1).integers(2**31, size=scenes)
+    ]
     sites = [site_surfaces(world) for world in worlds]
     reliefs = [[site[name] for name in PLANES] for site in sites]
-    targets = [true_targets(world, world.site["targets"], "targets").xyz for world in worlds]
+    targets = [true_targets(world, world.site.targets, "targets").xyz for world in worlds]
     design = _design(at)
     for run in range(runs):
         rng = _rng(seed, run, 2)

@@ -190,7 +190,7 @@ def drift(world: World, scanner: str, sample: str) -> Array:
     steady = rng.normal(0.0, errors.drift_common_cm) + rng.normal(0.0, errors.drift_laser_cm, n)
     windows = rng.normal(0.0, errors.drift_window_cm, (3, n))
     share = np.linspace(0.0, 1.0, DRIFT_NODES)
-    warmth = world.warmth.temperature_k(sample, share)
+    warmth = world.temperature_k(sample, share)
     sensitivity = world.rng("thermal", scanner).normal(
         errors.thermal_cm_per_k, errors.thermal_laser_cm_per_k, n
     )

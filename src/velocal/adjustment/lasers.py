@@ -15,7 +15,7 @@ from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver, solve
 from velocal.adjustment.stochastic import Stochastic, block_numbers
-from velocal.arrays import Array
+from velocal.arrays import Array, rows_of
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
@@ -212,25 +212,13 @@ def adjust_all(
             blocks[laser],
             steps[laser],
             stochastic,
-            by.take(rows),
+            rows_of(by, rows),
             None if noise is None else (noise[0][laser], noise[1][laser]),
         )
         if laser in blocks
         else _unobserved(problem.names, problem.prior_std)
         for laser, rows in enumerate(problem.rows)
     ]
-
-
-def adjust_laser(
-    observations: Observations,
-    laser: int,
-    initial: LaserParameters,
-    names: Sequence[str],
-    solver: Solver,
-    stochastic: Stochastic,
-) -> Adjustment:
-    """Adjust one laser; see `adjust_all`."""
-    return adjust_all(observations.of_laser(laser), initial, names, solver, stochastic)[laser]
 
 
 def _quality(

@@ -8,7 +8,7 @@ through the influence of the misclosures.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,10 +102,6 @@ class Derivatives:
     begins: NDArray[np.bool_]
     station: NDArray[np.integer]
     number: NDArray[np.integer]
-
-    def take(self, rows: slice) -> Derivatives:
-        """Return those of some rows."""
-        return Derivatives(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def derivatives(

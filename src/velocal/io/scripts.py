@@ -166,7 +166,9 @@ def convert(value: Any, type_: Any, where: str) -> Any:
         if len(known) != 1:
             raise ScriptError(f"{type_} states more than one type", where=where)
         some = known[0]
-        empty = value is None or (not isinstance(value, (str, Mapping)) and _is_empty(value))
+        empty = value is None or (
+            isinstance(value, Sequence) and not isinstance(value, str) and not value
+        )
         return None if empty else convert(value, some, where)
     if (origin or type_) in (list, tuple, Sequence):
         # Snakemake gives one file alone as itself.
@@ -191,10 +193,6 @@ def convert(value: Any, type_: Any, where: str) -> Any:
         except ValueError as error:
             raise ScriptError(str(error), where=where) from None
     return _scalar(value, type_, where)
-
-
-def _is_empty(value: Any) -> bool:
-    return isinstance(value, Sequence) and not value
 
 
 def _scalar(value: Any, type_: Any, where: str) -> Any:

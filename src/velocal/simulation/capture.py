@@ -110,7 +110,6 @@ def records(
     position: str | Scene,
     sample: str,
     rotations: int,
-    progress: Callable[[int, int], None] | None = None,
     shots: Shots | None = None,
 ) -> Iterator[bytes]:
     """Simulate the recording of a sample.
@@ -124,8 +123,6 @@ def records(
         Position at the surveyed site, or another scene.
     rotations : int
         Least number of complete rotations in the recording.
-    progress : callable, optional
-        Called with packets done and packets in all.
     shots : Shots, optional
         Of the position; they are cast if omitted.
 
@@ -177,8 +174,6 @@ def records(
         status = trailing(number, time / (packets * packet_interval), stamp)
         stamp %= _HOUR_US
         yield _packed(scanner, azimuth, distance, intensity, stamp, status, header)
-        if progress is not None:
-            progress(int(number[-1]) + 1, packets)
 
 
 def _trailing(

@@ -1,13 +1,12 @@
 """Histogram of the residuals of one laser with its numbers."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.histogram import draw_histogram, histogram, residuals_of
 from velocal.reporting.style import save
+from velocal.study.figures import HistogramFigure
 
 
 def main(
@@ -16,7 +15,7 @@ def main(
     svg: Path,
     png: Path,
     csv: Path,
-    selection: Mapping[str, Any],
+    selection: HistogramFigure,
     sigma_cm: float,
     simulated: bool,
 ) -> None:

@@ -1,8 +1,6 @@
 """One figure of statistics per laser with its numbers."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -11,6 +9,7 @@ from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
 from velocal.reporting.style import save
+from velocal.study.figures import LaserFigure
 
 
 def main(
@@ -20,7 +19,7 @@ def main(
     svg: Path,
     png: Path,
     csv: Path,
-    selection: Mapping[str, Any],
+    selection: LaserFigure,
     sigma_cm: float,
     simulated: bool,
 ) -> None:

@@ -1,17 +1,17 @@
 """Plan of the test field with the medians measured from each position, and its numbers."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.reporting.figures.plan import View, draw_plan, plan
+from velocal.reporting.figures.plan import draw_plan, plan
 from velocal.reporting.style import save
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
+from velocal.study.figures import PlanFigure
 from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
@@ -27,7 +27,7 @@ def main(
     png: Path,
     csv: Path,
     samples: list[str],
-    selection: Mapping[str, Any],
+    selection: PlanFigure,
     limits: AssignmentLimits,
     simulated: bool,
 ) -> None:
@@ -35,15 +35,15 @@ def main(
 
     `samples` are those of every file of medians and of every survey.
     """
-    scanner = scanner_named(selection["scanner"])
+    scanner = scanner_named(selection.scanner)
     parameters = read_or_nominal(calibration, scanner)
     surveyed = read_targets(targets, "plane")
     panels = []
     for sample, path, survey in zip(samples, medians, surveys, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
-        at, rate = read_station(survey), facts["rotation_rate_hz"]
-        view = View(at.position, sample, scanner, rate, columns, parameters, at.patches, at.pose)
-        panels.append(plan(view, surveyed, limits.metric()))
+        beams = Beams.from_ticks(columns, scanner, facts["rotation_rate_hz"])
+        station = read_station(survey)
+        panels.append(plan(sample, station, beams, parameters, surveyed, limits.metric()))
     numbers = pd.concat(panels, ignore_index=True)
     save(draw_plan(numbers, selection, simulated=simulated), svg, png)
     storage.write_csv(csv, numbers)

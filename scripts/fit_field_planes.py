@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
-from velocal.evaluation.plane_search import planes_of
-from velocal.evaluation.planes_in_data import Cloud, Search, tabulate
+from velocal.evaluation.plane_search import find_planes
+from velocal.evaluation.planes_in_data import Cloud, Search, fit_patches, tabulate
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.unsurveyed import field_planes
@@ -37,7 +37,8 @@ def main(
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
     cloud = Cloud.from_beams(beams, parameters)
-    found, findings = planes_of(cloud, patches, Search.from_config(search))
+    how = Search.from_config(search)
+    found, findings = fit_patches(cloud, patches, how) if patches else find_planes(cloud, how)
     heading = {"sample": sample, "scanner": scanner}
     rows, statistics = tabulate(found, cloud, columns, heading, sigma_cm * 1e-2)
     facts |= {**heading, "calibration": calibration.name if calibration else "nominal"}

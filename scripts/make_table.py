@@ -1,8 +1,6 @@
 """One table of the paper, from the statistics of all windows."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -10,6 +8,7 @@ from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper import tables
+from velocal.study.figures import Table
 
 
 def main(
@@ -19,7 +18,7 @@ def main(
     md: Path,
     tex: Path,
     table: str,
-    selection: Mapping[str, Any],
+    selection: Table,
     simulated: bool,
 ) -> None:
     """Write the table as CSV, Markdown and LaTeX."""

@@ -6,9 +6,7 @@ from velocal.calibration.files import formats
 from velocal.evaluation import interior_map
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
-from velocal.recording.identify import check_scanner
-from velocal.recording.returns import returns_of
-from velocal.recording.scan import inspect
+from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
 from velocal.survey.targets import read_targets
 
@@ -41,13 +39,10 @@ def main(
     }
     with storage.table_writer(points, schemas.MAP, **facts) as writer:
         for number, (path, pose) in enumerate(zip(recordings, poses, strict=True)):
-            inspection = inspect(path)
-            check_scanner(inspection, known, str(path))
-            first = interior_map.first_complete(inspection.index.complete, str(path))
-            rate = inspection.index.rate_hz(first)
-            for returns in returns_of(path, inspection.index, first, known):
-                columns = returns.columns()
-                writer.write(interior_map.rows(number, columns, known, rate, sets, pose))
+            recording = open_recording(path, known)
+            first = interior_map.first_complete(recording.rotations.complete, str(path))
+            beams = recording.returns(first).beams()
+            writer.write(interior_map.rows(number, beams, sets, pose))
 
 
 if "snakemake" in globals():

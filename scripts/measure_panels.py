@@ -12,8 +12,7 @@ from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.io import storage
 from velocal.io.scripts import run
-from velocal.recording.returns import read_short
-from velocal.scanner.beam import Beams
+from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
 from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
@@ -36,9 +35,9 @@ def main(
     Sets are the files of `parameter_sets` in order.
     """
     known = scanner_named(sample.scanner)
-    found, remarks, returns = read_short(recording, known)
+    opened = open_recording(recording, known)
     factory = formats.read_or_nominal(calibration, known)
-    cloud = Cloud.from_beams(Beams.from_ticks(returns, known, found.index.rate_hz()), factory)
+    cloud = Cloud.from_beams(opened.returns("all").beams(), factory)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
     place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
@@ -46,8 +45,8 @@ def main(
     heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
     rows = [heading | row for row in panel_rows(cloud, planes, candidates)]
     storage.write_csv(panels, pd.DataFrame(rows))
-    facts = {"file": recording.name, "scanner": known.name, **found.as_dict(), "remarks": remarks}
-    storage.write_json(ledger, facts)
+    facts = {"file": recording.name, "scanner": known.name, **opened.scan().as_dict()}
+    storage.write_json(ledger, facts | {"remarks": opened.remarks})
 
 
 if "snakemake" in globals():

@@ -4,9 +4,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+from pydantic import TypeAdapter
+
+from velocal.calibration.files.formats import read_or_nominal
+from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.reporting import report
+from velocal.scanner.models import scanner_named
+from velocal.study.figures import Figure, Table
+
+FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
+
+
+def _frame(path: Path) -> pd.DataFrame:
+    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "kind", "shown")))
+
+
+def _optional(path: Path | None) -> pd.DataFrame | None:
+    return None if path is None else _frame(path)
 
 
 def main(
@@ -27,7 +44,7 @@ def main(
     report_html: Path,
     title: str,
     simulated: bool,
-    tables: Mapping[str, Any],
+    tables: Mapping[str, Table],
     figures: Mapping[str, Any],
     factories: list[Path],
     factory_scanners: list[str],
@@ -45,23 +62,36 @@ def main(
     `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
     `field_samples`, `outdoor_pictures` of `outdoor_figures`.
     """
-    drawn = zip(pictures, numbers, strict=True)
     known = dict(zip(factory_scanners, factories, strict=True))
-    files = report.Files(
-        ledgers=dict(zip(samples, ledgers, strict=True)),
-        figures=dict(zip(figures, drawn, strict=True)),
-        summary=summary,
-        agreement=agreement,
-        surveys=surveys,
-        sets=dict(zip(zip(set_scanners, set_names, strict=True), sets, strict=True)),
-        factories={name: known.get(name) for name in scanners},
-        methods=(methods_png, methods_csv) if methods_png and methods_csv else None,
-        field_table=field_table,
-        field_pictures=dict(zip(field_samples, field_pictures, strict=True)),
-        outdoor=outdoor,
-        outdoor_pictures=dict(zip(outdoor_figures, outdoor_pictures, strict=True)),
+    columns: dict[str, dict[str, Any]] = {}
+    for scanner, name, path in zip(set_scanners, set_names, sets, strict=True):
+        columns.setdefault(scanner, {})[name] = storage.read_csv(path)
+    drawn = zip(figures.items(), pictures, numbers, strict=True)
+    study = report.Study(
+        title=title,
+        simulated=simulated,
+        ledgers=dict(zip(samples, map(storage.read_json, ledgers), strict=True)),
+        tables=tables,
+        summary=_optional(summary),
+        agreement=_optional(agreement),
+        figures=[
+            report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
+            for (number, selection), png, csv in drawn
+        ],
+        surveys=[storage.read_json(path) for path in surveys],
+        sets=columns,
+        factories={
+            name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
+        },
+        methods=_optional(methods_csv),
+        methods_png=methods_png.read_bytes() if methods_png else b"",
+        field_table=_optional(field_table),
+        field_pictures=dict(zip(field_samples, map(Path.read_bytes, field_pictures), strict=True)),
+        outdoor=_optional(outdoor),
+        outdoor_pictures=dict(
+            zip(outdoor_figures, map(Path.read_bytes, outdoor_pictures), strict=True)
+        ),
     )
-    study = report.read(files, title=title, simulated=simulated, tables=tables, figures=figures)
     storage.write_text(report_html, report.render(study))
 
 

@@ -5,6 +5,7 @@ import pandas as pd
 
 from velocal.evaluation.candidates import Role
 from velocal.evaluation.statistics import statistics_columns, summary_row
+from velocal.study.figures import Table
 from velocal.study.samples import WINDOWS
 
 SAMPLES = {"HDL-64E": ("sa1", "sa2", "sa3", "sa4"), "HDL-32E": ("sa5", "sa6")}
@@ -16,10 +17,10 @@ STD_CM = {"set1": 2.2, "set2": 1.9, "set3": 2.0}
 STD_CM_OF_ROLE = {Role.FACTORY: 3.5, Role.WINDOW: 1.2}
 
 TABLES = {
-    "2": {"scanner": "HDL-64E", "samples": ["sa3", "sa4"], "data": "calibration"},
-    "3": {"scanner": "HDL-32E", "samples": ["sa5"], "data": "calibration"},
-    "4": {"scanner": "HDL-64E", "samples": ["sa1", "sa2", "sa3", "sa4"], "data": "validation"},
-    "5": {"scanner": "HDL-32E", "samples": ["sa5", "sa6"], "data": "validation"},
+    "2": Table(scanner="HDL-64E", samples=["sa3", "sa4"], data="calibration"),
+    "3": Table(scanner="HDL-32E", samples=["sa5"], data="calibration"),
+    "4": Table(scanner="HDL-64E", samples=["sa1", "sa2", "sa3", "sa4"], data="validation"),
+    "5": Table(scanner="HDL-32E", samples=["sa5", "sa6"], data="validation"),
 }
 
 

@@ -217,13 +217,13 @@ def test_patches():
         "crumb": {"x_m": [0, 0.1], "y_m": [4.5, 5.5], "z_m": [-1, 1]},
     }
     boxes = {name: Box(**box) for name, box in patches.items()}
-    planes, findings = plane_search.planes_of(cloud, boxes, SEARCH)
+    planes, findings = planes_in_data.fit_patches(cloud, boxes, SEARCH)
     assert [plane.name for plane in planes] == ["wall"]
     assert planes[0].fit.plane.offset == pytest.approx(-5.0, abs=1e-3)
     assert findings[0].startswith("air: 0 points of 0 lasers")
     assert findings[1].startswith("crumb: ")
     assert "allowed: 200 points of 4 lasers" in findings[0]
-    assert len(plane_search.planes_of(cloud, None, SEARCH)[0]) == 3
+    assert len(plane_search.find_planes(cloud, SEARCH)[0]) == 3
 
 
 def test_three_lasers_fix_no_plane():

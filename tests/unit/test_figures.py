@@ -8,15 +8,17 @@ import pandas as pd
 import pytest
 from support.results import statistics
 
-from velocal.errors import ConfigError, VelocalError
+from velocal.errors import VelocalError
 from velocal.io import schemas, storage
 from velocal.reporting.figures import histogram, per_laser
+from velocal.study.figures import HistogramFigure, LaserFigure
 
 LASERS, SUMMARY = statistics()
 
 
 def selection(kind="std", data="validation", scanner="HDL-64E", samples=("sa1", "sa2"), **more):
-    return {"kind": kind, "scanner": scanner, "samples": list(samples), "data": data, **more}
+    model = HistogramFigure if kind == "histogram" else LaserFigure
+    return model(kind=kind, scanner=scanner, samples=list(samples), data=data, **more)
 
 
 def numbers(**changes):
@@ -166,16 +168,16 @@ def test_residuals_of_one_laser():
 def test_histogram_errors():
     with pytest.raises(VelocalError, match="no residuals"):
         histogram.histogram(np.zeros(0), np.zeros(0))
-    for wrong in (selection("histogram", "calibration"), selection("histogram", laser=1)):
-        with pytest.raises(ConfigError, match="histogram of"):
-            histogram.residuals_of([], wrong)
+    for data, more in (("calibration", {}), ("validation", {"laser": 1})):
+        with pytest.raises(ValueError, match="HistogramFigure"):
+            selection("histogram", data, **more)
 
 
 def draw(tmp_path, name, chosen):
     files = [tmp_path / f"{name}.{suffix}" for suffix in ("svg", "png", "csv")]
     arguments = dict(zip(("svg", "png", "csv"), files, strict=True))
     arguments |= {"selection": chosen, "sigma_cm": 2.0, "simulated": True}
-    if chosen["kind"] == "histogram":
+    if chosen.kind == "histogram":
         n = 400
         columns = {f"{axis}_m": np.zeros(n, np.float32) for axis in "xyz"}
         columns |= {"laser_id": np.arange(n) % 64, "plane": np.zeros(n)}
@@ -197,7 +199,7 @@ def draw(tmp_path, name, chosen):
         selection("within", "calibration", "HDL-32E", ("sa5",)),
         selection("histogram", "calibration", laser=10),
     ],
-    ids=lambda chosen: chosen["kind"],
+    ids=lambda chosen: chosen.kind,
 )
 def test_bytes_depend_on_nothing_but_the_numbers(tmp_path, monkeypatch, chosen):
     first = draw(tmp_path, "first", chosen)

@@ -19,25 +19,28 @@ from velocal.geometry.rigid import RigidTransformation
 from velocal.io import schemas, storage
 from velocal.reporting import captions
 from velocal.reporting.figures import interior_map as map_figure
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
+from velocal.study.figures import MapFigure
 from velocal.study.model import read_yaml
+from velocal.study.planes import Box
 from velocal.survey.targets import Targets, write_targets
 
 ROOT = Path(__file__).resolve().parents[2]
-SELECTION = {
-    "kind": "map",
-    "scanner": "HDL-64E",
-    "set": "true",
-    "sections": {
-        "west": {"x_m": [-0.19, 0.19], "y_m": [0.3, 2.7], "z_m": [0.4, 0.6]},
-        "south": {"x_m": [1.4, 3.8], "y_m": [-0.19, 0.19], "z_m": [0.4, 0.6]},
+SELECTION = MapFigure(
+    kind="map",
+    scanner="HDL-64E",
+    set="true",
+    sections={
+        "west": Box(x_m=[-0.19, 0.19], y_m=[0.3, 2.7], z_m=[0.4, 0.6]),
+        "south": Box(x_m=[1.4, 3.8], y_m=[-0.19, 0.19], z_m=[0.4, 0.6]),
     },
-}
-BOX = {"x_m": [0.0, 5.0], "y_m": [1.7, 2.3], "z_m": [0.9, 1.1]}
+)
+BOX = Box(x_m=[0.0, 5.0], y_m=[1.7, 2.3], z_m=[0.9, 1.1])
 
 
 def wall(rng, n=20_000, std=0.03, slope=0.01):
@@ -73,7 +76,8 @@ def test_ranges_are_counted_in_the_ticks_of_the_scanner(name):
     }
     flat = replace(nominal(scanner), voff=np.zeros(scanner.n_lasers))
     pose = RigidTransformation(np.eye(3), np.zeros(3), np.zeros((6, 6)))
-    found = interior_map.rows(0, returns, scanner, 10.0, [flat, flat], pose)
+    beams = Beams.from_ticks(returns, scanner, 10.0)[returns["distance"] > 0]
+    found = interior_map.rows(0, beams, [flat, flat], pose)
     length = np.linalg.norm([found[f"{axis}_factory_m"] for axis in "xyz"], axis=0)
     expected = np.hypot(returns["distance"][[0, 2, 3]] * scanner.distance_tick_m,
                         flat.hoff[[0, 2, 3]])  # fmt: skip
@@ -106,7 +110,7 @@ def test_a_wall_may_run_along_y():
     rng = np.random.default_rng(4)
     cloud = wall(rng)
     turned = cloud[:, [1, 0, 2]]
-    box = {"x_m": BOX["y_m"], "y_m": BOX["x_m"], "z_m": BOX["z_m"]}
+    box = Box(x_m=BOX.y_m, y_m=BOX.x_m, z_m=BOX.z_m)
     one = interior_map.section({"factory": cloud}, BOX, "wall")
     other = interior_map.section({"factory": turned}, box, "wall")
     assert one.thickness("factory") == other.thickness("factory")
@@ -160,7 +164,7 @@ def test_true_parameters_give_back_the_room(mapped):
     for number in (0, 1):
         shots = np.count_nonzero(columns["position"] == number)
         assert 90_000 < shots < 134_000  # a rotation of 2083 firings, without door and window
-    for name, box in SELECTION["sections"].items():
+    for name, box in SELECTION.sections.items():
         part = interior_map.section(interior_map.clouds(columns), box, name)
         # Ticks of 2 mm, and encoder steps of 0.09 deg.
         assert part.thickness("refined") < 0.002
@@ -199,7 +203,7 @@ def test_summary_and_figure(mapped, tmp_path, monkeypatch):
 def test_sections_share_axes_before_and_after(mapped):
     columns, facts = storage.read_table(mapped, schemas.MAP)
     xyz = interior_map.clouds(columns)
-    part = interior_map.section(xyz, SELECTION["sections"]["west"], "west")
+    part = interior_map.section(xyz, SELECTION.sections["west"], "west")
     numbers = map_figure.section_table(part, columns, facts["positions"])
     scanners = dict(zip(facts["positions"], facts["scanners_m"], strict=True))
     figure = map_figure.draw_map(xyz["refined"], scanners, numbers, SELECTION, simulated=False)

@@ -226,7 +226,7 @@ def test_table_and_verdict(numbers):
         "Error" not in comparison.markdown(blind, "HDL-64E", simulated=False).split("Standard")[0]
     )
     assert len(comparison.draw(blind, "HDL-64E", simulated=False).axes) == 2
-    assert comparison.section(None, b"") is None
+    assert comparison.section(None) is None
 
 
 def test_figure_writes_what_is_too_far_to_draw(numbers):

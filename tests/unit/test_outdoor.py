@@ -13,10 +13,9 @@ from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.paper import outdoor
-from velocal.recording.returns import read_short
+from velocal.recording.recording import open_recording
 from velocal.reporting.figures import panels as panels_figure
 from velocal.reporting.style import save
-from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
@@ -36,10 +35,8 @@ def seen(world, folder, scene="real1", scanner=SCANNER) -> Cloud:
     around = outdoor_scene(world, scanner, scene, ROTATIONS / 10.0)
     path = folder / "recording.bin"
     path.write_bytes(b"".join(capture.records(world, scanner, around, "x", ROTATIONS)))
-    found, _, returns = read_short(path, SCANNERS[scanner])
-    factory = truth.factory_parameters(world, scanner)
-    beams = Beams.from_ticks(returns, SCANNERS[scanner], found.index.rate_hz())
-    return Cloud.from_beams(beams, factory)
+    beams = open_recording(path, scanner).returns("all").beams()
+    return Cloud.from_beams(beams, truth.factory_parameters(world, scanner))
 
 
 def fitted(cloud, distance_m=10.0, **fit):

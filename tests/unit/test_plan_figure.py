@@ -13,9 +13,11 @@ from support.world import without_errors
 from velocal.io import schemas, storage
 from velocal.reporting import captions
 from velocal.reporting.figures import plan as plan_figure
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, survey
 from velocal.simulation.truth import unit_truth
+from velocal.study.figures import PlanFigure
 from velocal.study.reduction import AssignmentLimits
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station, read_station
@@ -23,7 +25,7 @@ from velocal.survey.targets import write_targets
 
 PLANES = ["short_wall", "long_wall", "floor"]
 LIMITS = AssignmentLimits(distance_cm=25, edge_cm=5, incidence_deg=80)
-SELECTION = {"kind": "plan", "scanner": "HDL-32E", "samples": ["sa5", "sa6"]}
+SELECTION = PlanFigure(kind="plan", scanner="HDL-32E", samples=["sa5", "sa6"])
 PERFECT = without_errors(WORLD)
 
 
@@ -63,11 +65,10 @@ def numbers(views):
     frames = []
     for path, station in zip(medians, map(read_station, surveys), strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
-        view = plan_figure.View(
-            station.position, path.stem, SCANNERS["HDL-32E"], facts["rotation_rate_hz"],
-            columns, parameters, station.patches, station.pose,
-        )  # fmt: skip
-        frames.append(plan_figure.plan(view, surveyed, LIMITS.metric()))
+        beams = Beams.from_ticks(columns, SCANNERS["HDL-32E"], facts["rotation_rate_hz"])
+        frames.append(
+            plan_figure.plan(path.stem, station, beams, parameters, surveyed, LIMITS.metric())
+        )
     return pd.concat(frames, ignore_index=True)
 
 
@@ -112,16 +113,15 @@ def test_nothing_measured_still_makes_a_plan(views):
     medians, surveys, targets = views
     station = read_station(surveys[0])
     columns, _ = storage.read_table(medians[0], schemas.MEDIANS)
-    view = plan_figure.View(
-        "P5", "sa5", SCANNERS["HDL-32E"], 10.0,
-        {name: values[:0] for name, values in columns.items()},
-        unit_truth(PERFECT, "HDL-32E").parameters, station.patches, station.pose,
+    beams = Beams.from_ticks(columns, SCANNERS["HDL-32E"], 10.0)[:0]
+    rest = (
+        beams, unit_truth(PERFECT, "HDL-32E").parameters, plan_targets(targets), LIMITS.metric(),
     )  # fmt: skip
-    found = plan_figure.plan(view, plan_targets(targets), LIMITS.metric())
+    found = plan_figure.plan("sa5", station, *rest)
     assert not len(found[found["kind"] == "median"])
     plan_figure.draw_plan(found, SELECTION, simulated=False)
-    turned = replace(view, pose=view.pose.inverse().inverse())
-    again = plan_figure.plan(turned, plan_targets(targets), LIMITS.metric())
+    turned = replace(station, pose=station.pose.inverse().inverse())
+    again = plan_figure.plan("sa5", turned, *rest)
     pd.testing.assert_frame_equal(found, again)
 
 
@@ -144,7 +144,7 @@ def test_bytes_depend_on_nothing_but_the_data(views, tmp_path, monkeypatch):
         names = ("medians", "surveys", "targets", "svg", "png", "csv")
         draw_plan.main(
             **dict(zip(names, (*views, *files), strict=True)), calibration=None,
-            samples=SELECTION["samples"], selection=SELECTION, limits=LIMITS, simulated=True,
+            samples=SELECTION.samples, selection=SELECTION, limits=LIMITS, simulated=True,
         )  # fmt: skip
         return [path.read_bytes() for path in files]
 

@@ -19,6 +19,7 @@ from velocal.paper import tables
 from velocal.reporting import report
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
+from velocal.study.figures import LaserFigure
 
 LASERS, SUMMARY = statistics()
 FACTORY = nominal(SCANNERS["HDL-32E"])
@@ -88,7 +89,7 @@ FULL = report.Study(
     figures=[
         report.Figure(
             "16",
-            {"kind": "std", "scanner": "HDL-32E", "samples": ["sa5"], "data": "calibration"},
+            LaserFigure(kind="std", scanner="HDL-32E", samples=["sa5"], data="calibration"),
             pd.DataFrame(
                 {
                     "calibration": ["before", "after"],
@@ -104,7 +105,8 @@ FULL = report.Study(
     factories={"HDL-32E": FACTORY},
     field_table=pd.DataFrame({"sample": ["street"], "rms_cm": [0.61234567]}),
     field_pictures={"street": PNG},
-    methods=(METHODS, PNG),
+    methods=METHODS,
+    methods_png=PNG,
 )
 PAGE = report.render(FULL)
 
@@ -258,7 +260,7 @@ def test_script_reads_what_is_there(tmp_path):
     }
     files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
-    common |= {"figures": {"16": FULL.figures[0].selection}, "scanners": ["HDL-32E"]}
+    common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
     common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": []}
     main(**files, report_html=tmp_path / "report.html", **common)

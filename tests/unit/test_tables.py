@@ -21,7 +21,9 @@ SET2 = SUMMARY["parameter_set"] == "set2"
 
 
 def build(number="4", summary=SUMMARY, *, simulated=True, **changes):
-    return tables.build(number, TABLES[number] | changes, summary, simulated=simulated)
+    return tables.build(
+        number, TABLES[number].model_copy(update=changes), summary, simulated=simulated
+    )
 
 
 def best_set(summary, scanner, samples):
@@ -90,7 +92,7 @@ def test_rows_before_then_after_by_sample_and_window():
 def test_numbers_are_those_of_the_summary(number, after):
     table = build(number)
     keys = ["scanner", "sample", "window", "role", "parameter_set"]
-    of_data = SUMMARY[SUMMARY["data"] == TABLES[number]["data"]].set_index(keys)
+    of_data = SUMMARY[SUMMARY["data"] == TABLES[number].data].set_index(keys)
     for row in table.frame.to_dict(orient="records"):
         shown = ("factory", "") if row["calibration"] == "before" else after
         assert (row["role"], row["parameter_set"]) == shown

@@ -30,6 +30,29 @@ def finished(tmp_path_factory) -> Path:
     return run(copy_project(tmp_path_factory.mktemp("two") / "project"), 2)
 
 
+GOLDEN = Path(__file__).parents[1] / "golden/tiny_study.csv"
+#: Largest differences between machines, whose packages may round in another way.
+ROUNDING = {"rms_cm": 2e-3, "pooled_rms_cm": 2e-3, "std_cm": 2e-3, "complies_zero": 1}
+ROUNDING |= {"within_1sigma_pct": 0.2, "within_3sigma_pct": 0.2, "complies_mean": 1, "count": 3}
+
+
+def test_numbers_are_those_that_were_frozen(finished):
+    """Packets, scripts and rules of the tiny study give the numbers in tests/golden.
+
+    After a change of numbers that is meant: copy results/statistics/summary.csv of the tiny study
+    over the file, and say in CHANGELOG.md why.
+    """
+    keys = ["scanner", "sample", "window", "data", "role", "parameter_set"]
+    frozen, found = (
+        pd.read_csv(path, keep_default_na=False).set_index(keys).sort_index()
+        for path in (GOLDEN, finished / "results/statistics/summary.csv")
+    )
+    assert list(found.index) == list(frozen.index)
+    for name, rounding in ROUNDING.items():
+        difference = (found[name].astype(float) - frozen[name].astype(float)).abs()
+        assert difference.max() <= rounding, f"{name}: {difference.idxmax()}"
+
+
 def planned(folder: Path, *arguments: str) -> list[tuple[str, str]]:
     """Rule and wildcards of every job of a dry run."""
     done = snakemake(folder, "--dry-run", "--cores", "2", *arguments)

@@ -17,12 +17,6 @@ FIELD_FILES += expand(
 )
 
 
-def patches_of(sample):
-    """Boxes of the planes of a sample; None where planes are searched for."""
-    boxes = UNSURVEYED.patches.get(sample)
-    return boxes and {plane: box.plain() for plane, box in boxes.items()}
-
-
 rule fit_field_planes:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
@@ -36,7 +30,8 @@ rule fit_field_planes:
         f"{RESULTS}/logs/fit_field_planes/{{sample}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        patches=lambda wildcards: patches_of(wildcards.sample),
+        # None where planes are searched for.
+        patches=lambda wildcards: UNSURVEYED.plain()["patches"].get(wildcards.sample),
         search=lambda wildcards: UNSURVEYED.search.plain(),
         sigma_cm=lambda wildcards: UNSURVEYED.sigma_cm,
     script:

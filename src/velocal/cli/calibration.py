@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,21 +13,15 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import (
-    RANGES_M,
-    RATE_HZ,
-    convert,
-    differences,
-    max_point_distance,
-)
+from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences, max_point_distance
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
-from velocal.cli.common import escape
+from velocal.cli.common import escape, print_json
 from velocal.errors import ConfigError
-from velocal.io.storage import finite, write_csv
+from velocal.io.storage import write_csv
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
 
@@ -84,7 +77,7 @@ def show(
         "provenance": dict(found.provenance),
     }
     if as_json:
-        print(json.dumps(finite({**facts, "columns": columns}), indent=1, allow_nan=False))
+        print_json({**facts, "columns": columns})
         return
     console = Console(highlight=False)
     top = Table(show_header=False, box=None, pad_edge=False)

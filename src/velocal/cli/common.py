@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskID,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress, TaskID
 
+from velocal.io.storage import finite
 from velocal.recording.recording import Recording, open_recording
 from velocal.scanner.models import SCANNERS, scanner_named
 
@@ -52,6 +47,11 @@ Returns = Annotated[
 ]
 
 
+def print_json(facts: Mapping[str, Any]) -> None:
+    """Print facts for programs; numbers that JSON lacks are null."""
+    print(json.dumps(finite(facts), indent=1, allow_nan=False))
+
+
 def escape(text: str) -> str:
     """Protect a text from being read as markup of the console."""
     return text.replace("[", r"\[")
@@ -72,16 +72,7 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
     task : TaskID
         To be updated by the caller.
     """
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=errors,
-        transient=True,
-        disable=not errors.is_terminal,
-    )
-    with bar:
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as bar:
         yield bar, bar.add_task(what, total=None)
 
 

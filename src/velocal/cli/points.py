@@ -10,21 +10,11 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.cli.common import (
-    Address,
-    File,
-    Port,
-    Returns,
-    ScannerName,
-    escape,
-    progress,
-    scanned,
-)
+from velocal.cli.common import Address, File, Port, Returns, ScannerName, escape, progress, scanned
 from velocal.errors import ConfigError
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
-from velocal.recording.inspection import Inspection
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -112,7 +102,18 @@ def points(
     if before is not None:
         print(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
     if picture is not None and settings.before is not None:
-        _draw(file, inspection, chosen, settings, (before or "", calibration), picture)
+        from velocal.points.picture import before_and_after
+        from velocal.reporting.style import save  # matplotlib takes a second to load
+
+        some = chosen[:PICTURE_ROTATIONS]
+        figure = before_and_after(
+            raw_returns(file, inspection, some, settings),
+            (settings.before, settings.parameters),
+            [Path(name).name for name in (before or "", calibration)],
+            f"{file.name}, {known.name}, {len(some)} rotations",
+        )
+        save(figure, picture.with_suffix(".svg"), picture)
+        print(f"{picture}: before and after")
 
 
 def _calibration(name: str, scanner: Scanner) -> LaserParameters:
@@ -143,27 +144,3 @@ def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:
             f"{rotations!r} holds no rotation", where="--rotations", allowed=f"within 0:{n}"
         )
     return chosen
-
-
-def _draw(
-    file: Path,
-    inspection: Inspection,
-    chosen: NDArray[np.int64],
-    settings: Settings,
-    names: tuple[str, str],
-    picture: Path,
-) -> None:
-    """Draw the points of the first few rotations before and after."""
-    from velocal.points.picture import before_and_after
-    from velocal.reporting.style import save  # matplotlib takes a second to load
-
-    assert settings.before is not None
-    some = chosen[:PICTURE_ROTATIONS]
-    figure = before_and_after(
-        raw_returns(file, inspection, some, settings),
-        (settings.before, settings.parameters),
-        [Path(name).name for name in names],
-        f"{file.name}, {settings.scanner.name}, {len(some)} rotations",
-    )
-    save(figure, picture.with_suffix(".svg"), picture)
-    print(f"{picture}: before and after")

@@ -17,6 +17,7 @@ from velocal.cli.common import (
     Returns,
     ScannerName,
     escape,
+    print_json,
     progress,
     scanned,
 )
@@ -44,11 +45,7 @@ def inspect(
         name, remarks = recording.scanner.name, recording.remarks
     facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
     if as_json:
-        import json
-
-        from velocal.io.storage import finite
-
-        print(json.dumps(finite(facts), indent=1, allow_nan=False))
+        print_json(facts)
         return
     _print_facts(inspection, name, remarks)
 

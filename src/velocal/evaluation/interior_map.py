@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.planes import Box
 from velocal.survey.targets import Targets, common
-
-Array = NDArray[np.float64]
 
 #: The two calibrations that a map has.
 STATES = ("factory", "refined")
@@ -66,23 +65,17 @@ def first_complete(complete: NDArray[np.bool_], where: str) -> NDArray[np.int64]
 
 def rows(
     number: int,
-    returns: Mapping[str, NDArray[Any]],
-    scanner: Scanner,
-    rotation_rate_hz: float,
+    beams: Beams,
     calibrations: Sequence[LaserParameters],
     pose: RigidTransformation,
 ) -> dict[str, NDArray[Any]]:
-    """Points of the returns of a scan, without the shots that brought nothing.
+    """Points of the returns of a scan.
 
     Parameters
     ----------
     number : int
         Of the position.
-    returns : mapping of str to ndarray
-        Columns ``laser_id``, ``azimuth``, ``distance`` of `schemas.RETURNS`.
-    scanner : Scanner
-    rotation_rate_hz : float
-        For the angle at which late lasers of a firing fired.
+    beams : Beams
     calibrations : sequence of LaserParameters
         In the order of `STATES`.
     pose : RigidTransformation
@@ -93,8 +86,6 @@ def rows(
     dict of str to ndarray
         Columns of `schemas.MAP`.
     """
-    came_back = returns["distance"] > 0
-    beams = Beams.from_ticks(returns, scanner, rotation_rate_hz)[came_back]
     columns: dict[str, NDArray[Any]] = {
         "position": np.full(len(beams), number),
         "laser_id": beams.laser_id,
@@ -136,15 +127,15 @@ class Section:
         return float(np.sqrt(np.mean(self.across[state] ** 2)))
 
 
-def section(xyz: Mapping[str, Array], box: Mapping[str, Sequence[float]], name: str) -> Section:
+def section(xyz: Mapping[str, Array], box: Box, name: str) -> Section:
     """Cut a stretch of an upright wall out of a map.
 
     Parameters
     ----------
     xyz : mapping of str to ndarray, shape (n, 3)
         The same returns with each of `STATES`.
-    box : mapping of str to (float, float)
-        ``x_m``, ``y_m``, ``z_m``, from and to. The wall runs along the longer horizontal side;
+    box : Box
+        The wall runs along the longer horizontal side;
         the box must hold nothing but the wall, and be wide enough across for its points.
     name : str
         For the error.
@@ -158,7 +149,7 @@ def section(xyz: Mapping[str, Array], box: Mapping[str, Sequence[float]], name: 
     VelocalError
         If the box holds fewer than ten points.
     """
-    limits = np.array([box[f"{axis}_m"] for axis in "xyz"], dtype=float)
+    limits = np.array([box.x_m, box.y_m, box.z_m], dtype=float)
     inside = np.all(
         [np.all((p >= limits[:, 0]) & (p <= limits[:, 1]), axis=1) for p in xyz.values()], axis=0
     )

@@ -28,11 +28,10 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.evaluation.statistics import laser_statistics
 from velocal.scanner.parameters import LaserParameters
-
-Array = NDArray[np.float64]
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.candidates import Candidate
 from velocal.evaluation.planes_in_data import (
@@ -26,8 +27,6 @@ from velocal.evaluation.planes_in_data import (
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
 from velocal.study.planes import Box, Panel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -54,13 +53,8 @@ class Panels:
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:
         """Rows of the points, shape (n, 3) in the scanner frame, inside a panel's box."""
         sine, cosine = np.sin(self.azimuth_rad), np.cos(self.azimuth_rad)
-        turned = np.column_stack(
-            [
-                xyz[:, 0] * cosine - xyz[:, 1] * sine,
-                xyz[:, 0] * sine + xyz[:, 1] * cosine,
-                xyz[:, 2],
-            ]
-        )
+        x, y, z = xyz.T
+        turned = np.column_stack([x * cosine - y * sine, x * sine + y * cosine, z])
         ahead = (self.distance_m - self.depth_m, self.distance_m + self.depth_m)
         box = self.boxes[name]
         return patch_points(turned, Box(x_m=box.across_m, y_m=ahead, z_m=box.up_m))

@@ -7,8 +7,6 @@ thin.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -16,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.planes_in_data import (
     MIN_LASERS,
@@ -23,13 +22,10 @@ from velocal.evaluation.planes_in_data import (
     FieldPlane,
     Found,
     Search,
-    fit_patches,
     fit_robustly,
 )
 from velocal.geometry.planes import Plane, fit_plane
-from velocal.study.planes import Box
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Random planes of one round of the search, and the best of them that are looked at closely.
@@ -47,23 +43,6 @@ STD_IN_DISTANCE = 3.0
 CELL_RAD = np.deg2rad(0.6)
 #: Rounds in which a cluster may grow.
 ROUNDS = 10
-
-
-def planes_of(cloud: Cloud, patches: Mapping[str, Box] | None, search: Search) -> Found:
-    """Fit planes to patches where there are any, or find them.
-
-    Parameters
-    ----------
-    cloud : Cloud
-    patches : mapping of str to Box, or None
-        Boxes by name, as in `patch_points`.
-    search : Search
-
-    Returns
-    -------
-    Found
-    """
-    return fit_patches(cloud, patches, search) if patches else find_planes(cloud, search)
 
 
 def find_planes(cloud: Cloud, search: Search) -> Found:
@@ -203,9 +182,7 @@ class _Grid:
 
     def same_cells(self, rows: Rows, others: Rows) -> NDArray[np.bool_]:
         """Tell which of the others lie in a cell of some row."""
-        occupied = np.zeros(self.cells, dtype=bool)
-        occupied[self.cell[rows]] = True
-        return np.asarray(occupied[self.cell[others]])
+        return np.isin(self.cell[others], self.cell[rows])
 
     def largest_cluster(self, rows: Rows) -> Rows:
         """Rows of the largest connected cluster of cells; one empty cell does not break it."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import misclosure
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.geometry.planes import Plane, PlaneFit, fit_plane
@@ -21,7 +22,6 @@ from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.planes import Box, PanelFit, PlaneSearch
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 #: Lasers that must see a plane: two or three lines do not determine one.
@@ -295,48 +295,6 @@ def laser_columns(plane: FieldPlane, cloud: Cloud, sigma_m: float) -> dict[str, 
     return {name: column[seen] for name, column in columns.items()}
 
 
-def plane_row(
-    plane: FieldPlane,
-    lasers: Mapping[str, NDArray[Any]],
-    medians: Mapping[str, NDArray[Any]],
-    tick_m: float,
-) -> dict[str, Any]:
-    """Row of the table of planes, in metres, degrees and centimetres.
-
-    Parameters
-    ----------
-    plane : FieldPlane
-    lasers : mapping of str to ndarray
-        What `laser_columns` gave for it.
-    medians : mapping of str to ndarray
-        Columns ``spread`` (raw ticks) and ``count`` of the cloud's medians.
-    tick_m : float
-        One raw tick.
-
-    Returns
-    -------
-    dict
-    """
-    summary = summary_row(lasers)
-    often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]
-    spread = medians["spread"][often] * tick_m * 1e2
-    return {
-        "plane": plane.name,
-        "points": len(plane.rows),
-        "trimmed": plane.trimmed,
-        "lasers": summary["lasers"],
-        "range_m": plane.range_m,
-        "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
-        "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
-        "rms_cm": summary["rms_cm"],
-        "std_cm": summary["std_cm"],
-        "pooled_rms_cm": summary["pooled_rms_cm"],
-        "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
-        "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,
-        "flatness_max_cm": plane.fit.flatness_max_m * 1e2,
-    }
-
-
 def geometry(plane: Plane) -> dict[str, Any]:
     """Where a plane is, scanner frame, for JSON."""
     return {
@@ -371,15 +329,30 @@ def tabulate(
     Returns
     -------
     rows : list of dict
-        `plane_row` and `geometry` of every plane.
+        What is known of every plane in metres, degrees and centimetres, with its `geometry`.
     lasers : dict of str to ndarray
         `laser_columns` of all planes below each other.
     """
     parts = [laser_columns(plane, cloud, sigma_m) for plane in planes]
-    rows = [
-        plane_row(plane, part, medians, cloud.tick_m) | geometry(plane.fit.plane)
-        for plane, part in zip(planes, parts, strict=True)
-    ]
+    rows = []
+    for plane, part in zip(planes, parts, strict=True):
+        summary = summary_row(part)
+        often = plane.rows[medians["count"][plane.rows] >= MIN_SPREAD_COUNT]
+        spread = medians["spread"][often] * cloud.tick_m * 1e2
+        row = {
+            "plane": plane.name,
+            "points": len(plane.rows),
+            "trimmed": plane.trimmed,
+            "lasers": summary["lasers"],
+            "range_m": plane.range_m,
+            "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
+            "tilt_deg": float(np.rad2deg(plane.tilt_rad)),
+            **{name: summary[name] for name in ("rms_cm", "std_cm", "pooled_rms_cm")},
+            "spread_cm": float(np.median(spread)) if len(spread) else float("nan"),
+            "flatness_mean_cm": plane.fit.flatness_mean_m * 1e2,
+            "flatness_max_cm": plane.fit.flatness_max_m * 1e2,
+        }
+        rows.append(row | geometry(plane.fit.plane))
     names = ("plane", "laser_id", "count", *LASER_COLUMNS)
     table = {
         name: np.concatenate([part[name] for part in parts]) if parts else np.empty(0)

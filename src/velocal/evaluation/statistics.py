@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from velocal.adjustment.observations import Observations
+from velocal.arrays import Array
 from velocal.evaluation.candidates import IDENTITY, Candidate
-
-Array = NDArray[np.float64]
 
 #: Columns that say which residuals a row of statistics is of.
 KEYS = ("scanner", "sample", "window", "data", *IDENTITY)

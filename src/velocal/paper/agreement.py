@@ -15,7 +15,7 @@ import pandas as pd
 
 from velocal.errors import VelocalError
 from velocal.evaluation.statistics import KEYS
-from velocal.paper.printed import DATA, PREFIX, TOLERANCES, printed_rows, printed_statements
+from velocal.paper.printed import DATA, LABELS, PREFIX, TOLERANCES, printed_rows, printed_statements
 from velocal.paper.tables import DECIMALS, STATISTICS
 from velocal.scanner.models import scanner_named
 
@@ -84,16 +84,13 @@ def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
     VelocalError
         If a printed row has no counterpart, or one without residuals.
     """
-    keys = ["table", "scanner", "sample", "window", "calibration"]
     found = {
-        tuple(str(row[key]) for key in keys): row
+        tuple(str(row[key]) for key in LABELS): row
         for row in shown.dropna(subset=list(STATISTICS.values())).to_dict(orient="records")
     }
     cells: list[dict[str, Any]] = []
     for row in printed_rows():
-        ours = found.get(
-            (row.table, row.scanner, row.reproduced_sample, row.window, row.calibration)
-        )
+        ours = found.get(row.key)
         if ours is None:
             raise VelocalError(
                 f"nothing is reproduced for {row.item('').strip()!r}",
@@ -108,6 +105,50 @@ def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
             for name, tolerance in TOLERANCES.items()
         ]
     return pd.DataFrame(cells, columns=list(COLUMNS))
+
+
+def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
+    """Refuse an agreement that has become another one.
+
+    Parameters
+    ----------
+    agreement : DataFrame
+        Columns `COLUMNS`, all items of the study.
+    known : mapping of str to str
+        Items that are known to be missed, with the reason (`printed.known_misses`).
+
+    Returns
+    -------
+    DataFrame
+        The items that are missed, with the column ``reason``.
+
+    Raises
+    ------
+    VelocalError
+        If an item is missed that is not known to be, or a known miss is met or does not exist.
+    """
+    missed = agreement[agreement["within"] != "true"]
+    fresh = missed[~missed["item"].isin(list(known))]
+    faults = [
+        f"{row['item']}: printed {row['paper']:g}, reproduced {row['reproduced']:g}, "
+        f"allowed difference {row['tolerance']:g}"
+        for row in fresh.to_dict(orient="records")
+    ]
+    faults += [
+        f"{item}: is listed as a known miss, but it is not missed"
+        for item in known
+        if item not in set(missed["item"])
+    ]
+    if faults:
+        raise VelocalError(
+            f"{len(faults)} of {len(agreement)} items are not as they were:\n  "
+            + "\n  ".join(faults),
+            where="agreement with the paper",
+            allowed="the misses of known_misses.csv and no others",
+            hint="Numbers of the study have changed. If that is meant, change known_misses.csv and "
+            "give the reason of every miss.",
+        )
+    return missed.assign(reason=missed["item"].map(known))
 
 
 def judged(item: str, paper: float, reproduced: float, tolerance: float) -> dict[str, Any]:
@@ -250,17 +291,8 @@ def cells(table: pd.DataFrame | None) -> dict[str, Cell]:
     """Rows of the agreement by item, also where they were read from a file."""
     if table is None:
         return {}
-    return {
-        str(row["item"]): Cell(
-            str(row["item"]),
-            float(row["paper"]),
-            float(row["reproduced"]),
-            float(row["difference"]),
-            float(row["tolerance"]),
-            str(row["within"]).lower() == "true",
-        )
-        for row in table[list(COLUMNS)].to_dict(orient="records")
-    }
+    rows = table[list(COLUMNS)].assign(within=table["within"].astype(str).str.lower() == "true")
+    return {row[0]: Cell(*row) for row in rows.itertuples(index=False)}
 
 
 def counts(judged_cells: Mapping[str, Cell]) -> list[Count]:

@@ -34,6 +34,11 @@ class Shown:
     parameter_set: str = ""
     means_cm: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def identity(self) -> dict[str, str]:
+        """Columns `IDENTITY`."""
+        return {"role": self.role.value, "parameter_set": self.parameter_set}
+
     def rows(self, table: pd.DataFrame) -> pd.DataFrame:
         """Rows of a table with the columns ``role`` and ``parameter_set`` that belong to it."""
         own = (table["role"] == self.role.value) & (table["parameter_set"] == self.parameter_set)

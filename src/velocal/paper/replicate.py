@@ -72,7 +72,7 @@ def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
     summary = tables.summarised(lasers(world, study, rotations))
     every = pd.concat(
         [
-            tables.formatted(tables.build(number, table.plain(), summary, simulated=True).frame)
+            tables.formatted(tables.build(number, table, summary, simulated=True).frame)
             for number, table in study.config.tables.items()
         ]
     )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import pandas as pd
 
@@ -12,6 +10,7 @@ from velocal.errors import ConfigError, VelocalError
 from velocal.evaluation.statistics import KEYS, summary_row
 from velocal.io.markup import latex_tabular, latex_text, markdown_table
 from velocal.paper.best_set import BEFORE, Shown, shown_after
+from velocal.study import figures
 from velocal.study.samples import WINDOWS
 
 #: Number of a table as the paper writes it.
@@ -93,7 +92,7 @@ def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
 
 
 def build(
-    number: str, selection: Mapping[str, Any], summary: pd.DataFrame, *, simulated: bool
+    number: str, selection: figures.Table, summary: pd.DataFrame, *, simulated: bool
 ) -> Table:
     """Put a table together.
 
@@ -101,8 +100,8 @@ def build(
     ----------
     number : str
         Arabic number of the table, a key of `ROMAN`.
-    selection : mapping
-        Entry of the configuration: ``scanner``, ``samples``, ``data``.
+    selection : figures.Table
+        Entry of the configuration.
     summary : DataFrame
         Statistics of all windows.
     simulated : bool
@@ -119,42 +118,32 @@ def build(
     """
     if number not in ROMAN:
         raise ConfigError(f"no table {number!r}", where="tables", allowed=", ".join(ROMAN))
-    scanner, data = str(selection["scanner"]), str(selection["data"])
-    samples = [str(sample) for sample in selection["samples"]]
+    scanner, data, samples = selection.scanner, selection.data, selection.samples
     after = shown_after(summary, scanner, samples, data, f"tables.{number}")
     of_data = summary[(summary["scanner"] == scanner) & (summary["data"] == data)]
-    records = []
+    wanted = pd.MultiIndex.from_product([samples, WINDOWS], names=["sample", "window"])
+    halves = []
     for calibration, shown in (("before", BEFORE), ("after", after)):
-        rows = {
-            (row["sample"], row["window"]): row
-            for row in shown.rows(of_data).to_dict(orient="records")
-        }
-        for sample in samples:
-            for window in WINDOWS:
-                found = rows.get((sample, window))
-                if found is None:
-                    raise VelocalError(
-                        f"no statistics of {scanner}, sample {sample!r}, window {window!r}, "
-                        f"{data} data, {calibration} calibration",
-                        where=f"tables.{number}",
-                        allowed="samples of that scanner: "
-                        + ", ".join(dict.fromkeys(of_data["sample"])),
-                    )
-                records.append(
-                    {
-                        "table": ROMAN[number],
-                        "scanner": scanner,
-                        "sample": sample,
-                        "window": window,
-                        "calibration": calibration,
-                        **{name: float(found[of]) for name, of in STATISTICS.items()},
-                        "role": shown.role.value,
-                        "parameter_set": shown.parameter_set,
-                    }
-                )
+        rows = shown.rows(of_data).set_index(wanted.names)
+        missing = [each for each in wanted if each not in rows.index]
+        if missing:
+            sample, window = missing[0]
+            raise VelocalError(
+                f"no statistics of {scanner}, sample {sample!r}, window {window!r}, "
+                f"{data} data, {calibration} calibration",
+                where=f"tables.{number}",
+                allowed="samples of that scanner: " + ", ".join(dict.fromkeys(of_data["sample"])),
+            )
+        numbers = rows.loc[wanted, list(STATISTICS.values())].astype(float)
+        halves.append(
+            numbers.set_axis(list(STATISTICS), axis=1)
+            .reset_index()
+            .assign(table=ROMAN[number], scanner=scanner)
+            .assign(calibration=calibration, **shown.identity)
+        )
     return Table(
         ROMAN[number],
-        pd.DataFrame(records, columns=list(COLUMNS)),
+        pd.concat(halves, ignore_index=True)[list(COLUMNS)],
         f"{scanner}, {data} data ({DATA[data]}): residuals s before and after calibration.",
         (_after_note(after), QUANTITIES, *([SIMULATED] if simulated else [])),
     )

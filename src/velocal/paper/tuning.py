@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.paper.printed import CONTRADICTIONS
 from velocal.paper.replicate import agreement, spread
@@ -28,10 +30,8 @@ STEP = 0.2
 
 def value_at(content: Mapping[str, Any], path: str) -> float:
     """Constant of a world file at a path such as ``scanners/HDL-64E/errors/dl_cm``."""
-    found: Any = content
-    for key in path.split("/"):
-        found = found[key]
-    return float(found)
+    constant: Any = reduce(getitem, path.split("/"), content)
+    return float(constant)
 
 
 def with_values(content: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
@@ -39,16 +39,11 @@ def with_values(content: Mapping[str, Any], values: Mapping[str, float]) -> dict
     changed: dict[str, Any] = deepcopy(dict(content))
     for path, value in values.items():
         *folders, name = path.split("/")
-        place = changed
-        for key in folders:
-            place = place[key]
-        place[name] = value
+        reduce(getitem, folders, changed)[name] = value
     return changed
 
 
-def misfit(
-    content: Mapping[str, Any], study: Study, seeds: Sequence[int], rotations: int
-) -> NDArray[np.float64]:
+def misfit(content: Mapping[str, Any], study: Study, seeds: Sequence[int], rotations: int) -> Array:
     """Difference of every cell's mean over seeds from the printed one, by its tolerance.
 
     Cells that contradict the rest of the paper are left out.
@@ -84,7 +79,7 @@ def tune(
     rotations: int,
     *,
     iterations: int,
-    evaluate: Callable[..., NDArray[np.float64]] = misfit,
+    evaluate: Callable[..., Array] = misfit,
 ) -> pd.DataFrame:
     """Fit the constants that the world file names under ``tuned``.
 
@@ -112,7 +107,7 @@ def tune(
     # A constant near zero moves by tenths of its unit.
     scale = np.maximum(np.abs(start), 0.1)
 
-    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(x: Array) -> Array:
         values = dict(zip(paths, (x * scale).tolist(), strict=True))
         return evaluate(with_values(content, values), study, seeds, rotations)
 
@@ -126,7 +121,7 @@ def tune(
         loss="soft_l1",
     )
 
-    def size(x: NDArray[np.float64]) -> float:
+    def size(x: Array) -> float:
         return float(np.sqrt(np.mean(residuals(x) ** 2)))
 
     return pd.DataFrame(

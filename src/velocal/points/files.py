@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from velocal import __version__
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
-
-if TYPE_CHECKING:
-    import laspy
 
 #: One array per field, as `placing.stream` gives them.
 Columns = Mapping[str, NDArray[Any]]
@@ -141,6 +138,14 @@ def _parquet(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iter
 def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Write]:
     """LAS 1.4, point format 6; what LAS has no field for becomes an extra dimension."""
     laspy = _laspy(path)
+    compress = path.suffix.lower() == ".laz"
+    if compress and not laspy.LazBackend.detect_available():
+        raise ConfigError(
+            "LAZ needs the package lazrs, which is not installed",
+            where=str(path),
+            allowed=".las, which is not compressed",
+            hint="Install it: pip install 'velocal[las]'",
+        )
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = np.full(3, LAS_SCALE_M), np.zeros(3)
     header.creation_date = LAS_DAY
@@ -149,7 +154,7 @@ def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Wri
     extra = [name for name in names if name in ("laser_id", "rotation", "shift")]
     header.add_extra_dims([laspy.ExtraBytesParams(name, _ROW[name]) for name in extra])
     with storage.atomic(path) as temporary, temporary.open("wb") as file:
-        writer = _las_writer(laspy, file, header, path)
+        writer = laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False)
 
         def write(columns: Columns) -> None:
             points = laspy.ScaleAwarePointRecord.zeros(len(columns["x"]), header=header)
@@ -180,21 +185,6 @@ def _laspy(path: Path) -> Any:
             hint="Install it: pip install 'velocal[las]'",
         ) from None
     return laspy
-
-
-def _las_writer(laspy: Any, file: BinaryIO, header: laspy.LasHeader, path: Path) -> laspy.LasWriter:
-    compress = path.suffix.lower() == ".laz"
-    if compress and not laspy.LazBackend.detect_available():
-        raise ConfigError(
-            "LAZ needs the package lazrs, which is not installed",
-            where=str(path),
-            allowed=".las, which is not compressed",
-            hint="Install it: pip install 'velocal[las]'",
-        )
-    opened: laspy.LasWriter = laspy.open(
-        file, mode="w", header=header, do_compress=compress, closefd=False
-    )
-    return opened
 
 
 #: By suffix.

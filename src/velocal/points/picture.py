@@ -12,7 +12,7 @@ from velocal.arrays import Array
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
 from velocal.geometry.planes import fit_plane
-from velocal.reporting.style import style
+from velocal.reporting.style import centred, finish, metres, style
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
 
@@ -80,7 +80,7 @@ def before_and_after(
             _surface(
                 figure, [figure.add_subplot(grid[k, 1]) for k in (0, 1)], clouds, found, labels
             )
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
+        finish(figure, [], title)
     return figure
 
 
@@ -92,14 +92,9 @@ def _plan(figure: Figure, ax: Axes, before: Array, after: Array) -> None:
         vmax=max(float(np.percentile(moved, 98)), 0.1), rasterized=True,
     )  # fmt: skip
     low, high = np.percentile(after[:, :2], [2, 98], axis=0)
-    middle, half = 0.5 * (low + high), 0.56 * float(np.max(high - low))
-    ax.set_xlim(middle[0] - half, middle[0] + half)
-    ax.set_ylim(middle[1] - half, middle[1] + half)
-    ax.plot(0.0, 0.0, "+", color="black", markersize=9, markeredgewidth=1.2)
-    ax.set_aspect("equal")
+    centred(ax, low, high)
+    metres(ax)
     ax.set_title("from above; orange: the surface beside")
-    ax.set_xlabel("X [m]")
-    ax.set_ylabel("Y [m]")
     bar = figure.colorbar(dots, ax=ax, location="bottom", shrink=0.8, pad=0.02)
     bar.set_label("moved by [cm]")
 

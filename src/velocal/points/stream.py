@@ -16,14 +16,14 @@ calibrations does not depend on phi. Single precision: within a few hundredths o
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import Array
+from velocal.arrays import Array, joined_rows
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, view
@@ -31,6 +31,7 @@ from velocal.packets.dual import check_choice
 from velocal.packets.firings import Firings, decode
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
+from velocal.recording.returns import returns_of
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
@@ -399,20 +400,11 @@ def raw_returns(
     Beams
         In the order of the wire.
     """
-    scanner, found = settings.scanner, []
-    index, source = inspection.index, settings.source
-    for chunk, of_block in read_rotations(recording, index, rotations, source):
-        firings = decode(chunk.payloads, scanner, settings.returns)
-        used = (firings.distance > 0) & (of_block.reshape(-1)[firings.block] >= 0)[:, None]
-        azimuth = np.repeat(firings.azimuth, np.count_nonzero(used, axis=1))
-        found.append((firings.distance[used], azimuth, firings.laser_id()[used]))
-    columns = dict(
-        zip(
-            ("distance", "azimuth", "laser_id"),
-            (np.concatenate(part) for part in zip(*found, strict=True)),
-            strict=True,
-        )
-    )
-    beams = Beams.from_ticks(columns, scanner, rotation_rate_hz(inspection, rotations))
+    parts = returns_of(
+        recording, inspection.index, rotations, settings.scanner,
+        returns=settings.returns, source=settings.source,
+    )  # fmt: skip
+    rate_hz = rotation_rate_hz(inspection, rotations)
+    beams = replace(joined_rows(list(parts)), rotation_rate_hz=rate_hz).beams()
     range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
     return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

@@ -15,15 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import columns_of, joined_rows, rows_of
+from velocal.arrays import columns_of, rows_of
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
 from velocal.packets.dual import check_choice
 from velocal.packets.firings import decode
-from velocal.recording.identify import check_scanner
-from velocal.recording.inspection import Inspection
 from velocal.recording.rotation_index import RotationIndex
-from velocal.recording.scan import inspect
 from velocal.recording.windows import read_rotations
 from velocal.reduction.medians import binned_medians
 from velocal.scanner.beam import Beams
@@ -248,38 +245,6 @@ def returns_of(
         packets += len(payloads)
         if progress is not None:
             progress(packets)
-
-
-def read_short(
-    path: Path, scanner: Scanner
-) -> tuple[Inspection, list[str], dict[str, NDArray[Any]]]:
-    """Scan and decode a short recording at once; empty shots are left out.
-
-    Parameters
-    ----------
-    path : Path
-        Capture file.
-    scanner : Scanner
-        The scanner that is said to have made it.
-
-    Returns
-    -------
-    inspection : Inspection
-    remarks : list of str
-        Of `check_scanner`.
-    columns : dict of str to ndarray
-        Columns of `schemas.RETURNS`, of all rotations.
-
-    Raises
-    ------
-    RecordingError, ConfigError
-        As `inspect` and `check_scanner`.
-    """
-    found = inspect(path)
-    remarks = check_scanner(found, scanner, str(path))
-    every = np.arange(len(found.index))
-    returns = joined_rows(list(returns_of(path, found.index, every, scanner)))
-    return found, remarks, returns.seen.columns()
 
 
 _Part = tuple[NDArray[np.uint8], NDArray[np.int64]]

@@ -7,7 +7,7 @@ The page holds no time and no path of the machine, so that identical results giv
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,15 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from velocal.calibration.files import formats
 from velocal.evaluation.candidates import IDENTITY
-from velocal.evaluation.statistics import KEYS
-from velocal.io import provenance, storage
+from velocal.io import provenance
 from velocal.paper import agreement
-from velocal.paper.printed import CONTRADICTIONS, READING, TOLERANCES, printed_rows
+from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, printed_rows
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption
 from velocal.reporting.figures import methods, panels
-from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
+from velocal.study import figures
 
 DATA = Path(__file__).parent
 
@@ -49,7 +47,7 @@ class Figure:
     ----------
     number : str
         As in the file's name.
-    selection : mapping
+    selection : figures.Figure
         Entry of the configuration.
     numbers : DataFrame
         What is plotted.
@@ -58,7 +56,7 @@ class Figure:
     """
 
     number: str
-    selection: Mapping[str, Any]
+    selection: figures.Figure
     numbers: pd.DataFrame
     png: bytes
 
@@ -74,7 +72,7 @@ class Study:
         Whether the surveyed recordings are simulated.
     ledgers : mapping of str to mapping
         Ledger and rotations of every recording, by sample.
-    tables : mapping of str to mapping
+    tables : mapping of str to figures.Table
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed cell with the reproduced one.
@@ -89,8 +87,10 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG by field sample.
-    methods : (DataFrame, bytes) or None
-        Numbers of the comparison of methods, and its picture.
+    methods : DataFrame or None
+        Numbers of the comparison of methods.
+    methods_png : bytes
+        Its picture.
     outdoor : DataFrame or None
         Means of the outdoor validation.
     outdoor_pictures : mapping of str to bytes
@@ -100,7 +100,7 @@ class Study:
     title: str
     simulated: bool
     ledgers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tables: Mapping[str, figures.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
     figures: Sequence[Figure] = ()
@@ -109,115 +109,10 @@ class Study:
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
-    methods: tuple[pd.DataFrame, bytes] | None = None
+    methods: pd.DataFrame | None = None
+    methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
     outdoor_pictures: Mapping[str, bytes] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Files:
-    """Files of a study, each with what it is of; whatever is missing has no section.
-
-    Attributes
-    ----------
-    ledgers : mapping of str to Path
-        JSON, by sample.
-    figures : mapping of str to (Path, Path)
-        Picture (PNG) and numbers (CSV), by number.
-    summary, agreement : Path or None
-        CSV.
-    surveys : sequence of Path
-        JSON of every position.
-    sets : mapping of (str, str) to Path
-        CSV, by scanner and name of the parameter set.
-    factories : mapping of str to (Path or None)
-        The factory's calibration by scanner; None for nominal values.
-    methods : (Path, Path) or None
-        Picture and numbers of the comparison of methods.
-    field_table : Path or None
-        CSV of the planes in recordings without a survey.
-    field_pictures : mapping of str to Path
-        PNG, by sample.
-    outdoor : Path or None
-        CSV of the means.
-    outdoor_pictures : mapping of str to Path
-        PNG, by number of the figure.
-    """
-
-    ledgers: Mapping[str, Path] = field(default_factory=dict)
-    figures: Mapping[str, tuple[Path, Path]] = field(default_factory=dict)
-    summary: Path | None = None
-    agreement: Path | None = None
-    surveys: Sequence[Path] = ()
-    sets: Mapping[tuple[str, str], Path] = field(default_factory=dict)
-    factories: Mapping[str, Path | None] = field(default_factory=dict)
-    methods: tuple[Path, Path] | None = None
-    field_table: Path | None = None
-    field_pictures: Mapping[str, Path] = field(default_factory=dict)
-    outdoor: Path | None = None
-    outdoor_pictures: Mapping[str, Path] = field(default_factory=dict)
-
-
-def read(
-    files: Files,
-    *,
-    title: str,
-    simulated: bool,
-    tables: Mapping[str, Mapping[str, Any]],
-    figures: Mapping[str, Mapping[str, Any]],
-) -> Study:
-    """Read what a study has found.
-
-    Parameters
-    ----------
-    files : Files
-    title, simulated
-        As in `Study`.
-    tables, figures : mapping of str to mapping
-        Entries of the configuration, by number.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    VelocalError
-        If a file is damaged.
-    """
-
-    def frame(path: Path) -> pd.DataFrame:
-        return pd.DataFrame(storage.read_csv(path, text=(*KEYS, *IDENTITY, "kind", "shown")))
-
-    def optional(path: Path | None) -> pd.DataFrame | None:
-        return None if path is None else frame(path)
-
-    sets: dict[str, dict[str, Any]] = {}
-    for (scanner, name), path in files.sets.items():
-        sets.setdefault(scanner, {})[name] = storage.read_csv(path)
-    return Study(
-        title=title,
-        simulated=simulated,
-        ledgers={sample: storage.read_json(path) for sample, path in files.ledgers.items()},
-        tables=tables,
-        summary=optional(files.summary),
-        agreement=optional(files.agreement),
-        figures=[
-            Figure(number, figures[number], frame(numbers), picture.read_bytes())
-            for number, (picture, numbers) in files.figures.items()
-        ],
-        surveys=[storage.read_json(path) for path in files.surveys],
-        sets=sets,
-        factories={
-            name: formats.read_or_nominal(path, scanner_named(name))
-            for name, path in files.factories.items()
-        },
-        field_table=optional(files.field_table),
-        field_pictures={name: path.read_bytes() for name, path in files.field_pictures.items()},
-        methods=(frame(files.methods[1]), files.methods[0].read_bytes()) if files.methods else None,
-        outdoor=optional(files.outdoor),
-        outdoor_pictures={name: path.read_bytes() for name, path in files.outdoor_pictures.items()},
-    )
 
 
 def render(study: Study) -> str:
@@ -246,12 +141,12 @@ def render(study: Study) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["fixed"] = fixed
+    environment.filters["base64"] = lambda png: base64.b64encode(png).decode("ascii")
     environment.filters["number"] = lambda value: f"{value:.7g}"
     environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
     cells = agreement.cells(study.agreement)
     content = {
-        "title": study.title,
-        "simulated": study.simulated,
+        **vars(study),
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
         "statements": agreement.statements_of(cells),
@@ -261,7 +156,7 @@ def render(study: Study) -> str:
         "figures": [
             {
                 "number": figure.number,
-                "png": base64.b64encode(figure.png).decode("ascii"),
+                "png": figure.png,
                 "caption": caption(figure.selection, figure.numbers),
             }
             for figure in study.figures
@@ -274,14 +169,9 @@ def render(study: Study) -> str:
             }
             for scanner, sets in study.sets.items()
         },
-        "ledgers": study.ledgers,
-        "methods": methods.section(*study.methods) if study.methods else None,
-        "outdoor": panels.section(study.outdoor, study.outdoor_pictures),
+        "methods": methods.section(study.methods),
+        "outdoor": panels.section(study.outdoor),
         "field": _plain(study.field_table),
-        "field_pictures": {
-            sample: base64.b64encode(png).decode("ascii")
-            for sample, png in study.field_pictures.items()
-        },
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
         "tolerances": TOLERANCES,
@@ -326,7 +216,7 @@ def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
+def _overview(summary: pd.DataFrame | None) -> list[dict[Hashable, Any]]:
     """Means over samples and windows, one row per scanner, data, role and set."""
     if summary is None:
         return []
@@ -334,13 +224,8 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[str, Any]]:
     names = [*STATISTICS.values(), "complies_zero", "complies_mean", "lasers"]
     scanners = list(dict.fromkeys(summary["scanner"]))
     summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
-    return [
-        {
-            **dict(zip(keys, key, strict=True)),
-            **{name: float(group[name].mean()) for name in names},
-        }
-        for key, group in summary.groupby(keys, sort=False)
-    ]
+    means = summary.groupby(keys, sort=False)[names].mean().reset_index()
+    return means.to_dict(orient="records")
 
 
 def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str, Any]]:
@@ -353,19 +238,15 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
         table = build(number, selection, study.summary, simulated=study.simulated)
         rows = []
         for row in formatted(table.frame).to_dict(orient="records"):
-            paper = printed.get((table.number, row["sample"], row["window"], row["calibration"]))
-            rows.append(
-                {
-                    **{str(name): value for name, value in row.items()},
-                    "label": paper.sample if paper and paper.sample != row["sample"] else "",
-                    "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
-                }
-            )
+            paper = printed.get(tuple(row[name] for name in LABELS))
+            beside: dict[Hashable, Any] = {
+                "label": paper.sample if paper and paper.sample != row["sample"] else "",
+                "paper": {q: cells[paper.item(q)] for q in DECIMALS} if paper else None,
+            }
+            rows.append(row | beside)
         result.append(
             {
-                "number": table.number,
-                "caption": table.caption,
-                "notes": table.notes,
+                **vars(table),
                 "rows": rows,
                 "compared": any(row["paper"] for row in rows),
                 "relabelled": any(key[0] == table.number for key in READING) and bool(cells),

@@ -6,18 +6,21 @@ without colour. The bytes of a figure depend on nothing but its numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from velocal.arrays import Array
 from velocal.io.storage import atomic
+from velocal.study.figures import HistogramFigure, LaserFigure
 
 BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
 #: Okabe and Ito, without black and yellow.
@@ -79,14 +82,16 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
 
 
-def finish(figure: Figure, ax: Axes | None, title: str, *, simulated: bool, **legend: Any) -> None:
-    """Put the title above, the legend of an axes below, and the note on simulated recordings.
+def finish(
+    figure: Figure, axes: Sequence[Axes], title: str, *, simulated: bool = False, **legend: Any
+) -> None:
+    """Put the title above, one legend of some axes below, and the note on simulated recordings.
 
     Parameters
     ----------
     figure : Figure
-    ax : Axes or None
-        Whose legend it is; no legend if None.
+    axes : sequence of Axes
+        Whose legend it is; no legend without any.
     title : str
     simulated : bool
         Whether a note says that the recordings are simulated.
@@ -94,15 +99,41 @@ def finish(figure: Figure, ax: Axes | None, title: str, *, simulated: bool, **le
         Options of `Figure.legend`.
     """
     figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
-    if ax is not None:
-        handles, labels = ax.get_legend_handles_labels()
-        options = {"ncols": len(labels), "borderpad": 0.1, **legend}
-        figure.legend(handles, labels, loc="outside lower left", **options)
+    if axes:
+        handles = [handle for ax in axes for handle in ax.get_legend_handles_labels()[0]]
+        options = {"ncols": len(handles), "borderpad": 0.1, **legend}
+        figure.legend(handles=handles, loc="outside lower left", **options)
     if simulated:
         figure.text(
             0.995, 0.012, "simulated recordings", ha="right", va="bottom", fontsize=7.0,
             color=GREY, fontstyle="italic",
         )  # fmt: skip
+
+
+def metres(ax: Axes, *, tick_m: float | None = None) -> None:
+    """Make a plan of axes: equal scales in metres, a grid, labels.
+
+    Parameters
+    ----------
+    ax : Axes
+    tick_m : float, optional
+        Distance of ticks; chosen by matplotlib if left out.
+    """
+    ax.set_aspect("equal")
+    ax.grid(visible=True, axis="both")
+    ax.set_xlabel("X [m]")
+    ax.set_ylabel("Y [m]")
+    if tick_m is not None:
+        ax.xaxis.set_major_locator(MultipleLocator(tick_m))
+        ax.yaxis.set_major_locator(MultipleLocator(tick_m))
+
+
+def centred(ax: Axes, low: Array, high: Array) -> None:
+    """Limit axes to a square about the middle of a plan, and mark the scanner at its origin."""
+    middle, half = 0.5 * (low + high), 0.56 * float(np.max(high - low))
+    ax.set_xlim(middle[0] - half, middle[0] + half)
+    ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.plot(0.0, 0.0, "+", color="black", markersize=9, markeredgewidth=1.2)
 
 
 def reference(ax: Axes, value: float, label: str) -> None:
@@ -126,7 +157,7 @@ def laser_axis(ax: Axes, n_lasers: int) -> None:
     ax.xaxis.set_minor_locator(MultipleLocator(1))
 
 
-def samples_title(selection: Mapping[str, Any], what: str) -> str:
+def samples_title(selection: LaserFigure | HistogramFigure, what: str) -> str:
     """Title of a figure of some samples: scanner, data, samples, and what is shown."""
-    samples = ", ".join(map(str, selection["samples"]))
-    return f"{selection['scanner']}, {selection['data']} data ({samples}): {what}"
+    samples = ", ".join(selection.samples)
+    return f"{selection.scanner}, {selection.data} data ({samples}): {what}"

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from velocal.arrays import Array
-from velocal.reporting.style import COLOURS, GREY, style
+from velocal.reporting.style import COLOURS, GREY, finish, style
 
 #: Below this differences are rounding, and drawn there.
 _LEAST_CM = 1e-3
@@ -62,8 +62,5 @@ def draw_differences(
         ax.set_xlabel("laser")
         ax.set_ylabel("largest difference, cm")
         ax.set_title(note, fontsize=7.5, fontweight="normal", color=GREY)
-        figure.suptitle(
-            f"{first} against {second}", x=0.01, ha="left", fontsize=9.0, fontweight="bold"
-        )
-        figure.legend(loc="outside lower left", ncols=len(ranges_m), borderpad=0.1)
+        finish(figure, [ax], f"{first} against {second}")
         return figure

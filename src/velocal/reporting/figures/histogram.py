@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from velocal.errors import ConfigError, VelocalError
+from velocal.errors import VelocalError
 from velocal.reporting.style import AFTER, BEFORE, DASHED, GREY, finish, samples_title, style
+from velocal.study.figures import HistogramFigure
 
 #: Widths of histogram bins to choose from, cm, and about how many bins to have.
 _BIN_WIDTHS_CM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
@@ -57,26 +58,21 @@ def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
             "from_cm": bounds[:-1],
             "to_cm": bounds[1:],
             # Bins are closed below: [from, to).
-            "before": _counts(before, edges),
-            "after": _counts(after, edges),
+            "before": np.histogram(before, bounds)[0],
+            "after": np.histogram(after, bounds)[0],
         }
     )
 
 
-def _counts(s_cm: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.int64]:
-    index = np.searchsorted(edges, s_cm, side="right")
-    return np.bincount(index, minlength=len(edges) + 1).astype(np.int64)
-
-
 def draw_histogram(
-    numbers: pd.DataFrame, selection: Mapping[str, Any], *, sigma_cm: float, simulated: bool
+    numbers: pd.DataFrame, selection: HistogramFigure, *, sigma_cm: float, simulated: bool
 ) -> Figure:
     """Draw the numbers of `histogram`: two panels with the same axes.
 
     Parameters
     ----------
     numbers : DataFrame
-    selection : mapping
+    selection : HistogramFigure
         Entry of the configuration.
     sigma_cm : float
         Standard deviation of the datasheet, dashed on both sides of zero.
@@ -109,13 +105,13 @@ def draw_histogram(
         axes[0].xaxis.set_major_locator(MaxNLocator(5))
         figure.supxlabel("residual s [cm]", fontsize=8.5)
         axes[0].set_ylabel(f"medians per {edges[1] - edges[0]:g} cm")
-        what = f"residuals of laser {selection['laser']}, dashed: datasheet σ = {sigma_cm:g} cm"
-        finish(figure, None, samples_title(selection, what), simulated=simulated)
+        what = f"residuals of laser {selection.laser}, dashed: datasheet σ = {sigma_cm:g} cm"
+        finish(figure, [], samples_title(selection, what), simulated=simulated)
     return figure
 
 
 def residuals_of(
-    tables: Sequence[Mapping[str, NDArray[Any]]], selection: Mapping[str, Any]
+    tables: Sequence[Mapping[str, NDArray[Any]]], selection: HistogramFigure
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Residuals of one laser before and after, out of the windows' tables of residuals.
 
@@ -123,28 +119,17 @@ def residuals_of(
     ----------
     tables : sequence of mapping
         Columns of `schemas.RESIDUALS`, one table per window.
-    selection : mapping
+    selection : HistogramFigure
         Entry of the configuration; ``laser`` counts from 1 as in the paper.
 
     Returns
     -------
     before_m, after_m : ndarray
         Residuals with the factory's parameters, and with those of the window; metres.
-
-    Raises
-    ------
-    ConfigError
-        If no laser is given, or other data than the windows' medians are asked for.
     """
-    if "laser" not in selection or selection["data"] != "calibration":
-        raise ConfigError(
-            f"histogram of {selection['data']} data, laser {selection.get('laser')}",
-            where="figures",
-            allowed="data: calibration, and a laser counted from 1",
-        )
-    laser_id = int(selection["laser"]) - 1
-    parts = [
-        [np.asarray(table[name])[table["laser_id"] == laser_id] for table in tables]
+    laser_id = selection.laser - 1
+    before, after = (
+        np.concatenate([table[name][table["laser_id"] == laser_id] for table in tables])
         for name in ("before_m", "after_m")
-    ]
-    return np.concatenate(parts[0]), np.concatenate(parts[1])
+    )
+    return before, after

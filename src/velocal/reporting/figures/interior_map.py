@@ -12,13 +12,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.evaluation.interior_map import STATES, Section
-from velocal.reporting.style import AFTER, BEFORE, DARK, finish, style
-
-Array = NDArray[np.float64]
+from velocal.reporting.style import AFTER, BEFORE, DARK, finish, metres, style
+from velocal.study.figures import MapFigure
+from velocal.study.planes import Box
 
 #: Heights are drawn upward at this share of their length, X and Y as they are.
 LIFT = 0.5
@@ -63,7 +63,7 @@ def draw_map(
     xyz: Array,
     scanners: Mapping[str, Array],
     numbers: pd.DataFrame,
-    selection: Mapping[str, Any],
+    selection: MapFigure,
     *,
     simulated: bool,
 ) -> Figure:
@@ -77,7 +77,7 @@ def draw_map(
         Where the scanner stood, by position.
     numbers : DataFrame
         Those of `section_table`.
-    selection : mapping
+    selection : MapFigure
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
@@ -86,7 +86,7 @@ def draw_map(
     -------
     Figure
     """
-    name, box = next(iter(selection["sections"].items()))
+    name, box = next(iter(selection.sections.items()))
     with style():
         figure = Figure(figsize=(7.0, 6.3))
         grid = figure.add_gridspec(2, 2, height_ratios=(2.7, 1.0))
@@ -96,11 +96,11 @@ def draw_map(
         left.set_ylim(*_symmetric(numbers))
         for ax, state, colour, label in (
             (left, "factory", BEFORE, "before (factory)"),
-            (right, "refined", AFTER, f"after ({selection['set']})"),
+            (right, "refined", AFTER, f"after ({selection.set})"),
         ):
             _section(ax, numbers, state, colour, label)
-        run = "X" if np.ptp(box["x_m"]) >= np.ptp(box["y_m"]) else "Y"
-        low, high = (100.0 * float(z) for z in box["z_m"])
+        run = "X" if np.ptp(box.x_m) >= np.ptp(box.y_m) else "Y"
+        low, high = (100.0 * float(z) for z in box.z_m)
         left.set_ylabel(f"across {name.replace('_', ' ')} [cm]")
         figure.supxlabel(
             f"{run} along the wall [m]; section at heights from {low:.0f} to {high:.0f} cm",
@@ -108,10 +108,10 @@ def draw_map(
         )
         count = f"{len(xyz):,}".replace(",", "\u2009")
         title = (
-            f"{selection['scanner']}: interior from {len(scanners)} positions, {count} points, "
-            f"parameter set {selection['set']}"
+            f"{selection.scanner}: interior from {len(scanners)} positions, {count} points, "
+            f"parameter set {selection.set}"
         )
-        finish(figure, None, title, simulated=simulated)
+        finish(figure, [], title, simulated=simulated)
     return figure
 
 
@@ -167,7 +167,7 @@ def _oblique(
     ax: Axes,
     xyz: Array,
     scanners: Mapping[str, Array],
-    box: Mapping[str, Any],
+    box: Box,
 ) -> None:
     """Plan with heights drawn upward, what is farther away (larger Y) behind what is nearer."""
     low, high = np.percentile(xyz[:, 2], _COLOURED)
@@ -185,21 +185,18 @@ def _oblique(
             fontweight="bold", zorder=3.2,
             bbox=_PLATE,
         )  # fmt: skip
-    corner = (box["x_m"][0], box["y_m"][0] + LIFT * box["z_m"][0])
-    height = np.ptp(box["y_m"]) + LIFT * np.ptp(box["z_m"])
+    corner = (box.x_m[0], box.y_m[0] + LIFT * box.z_m[0])
+    height = np.ptp(box.y_m) + LIFT * np.ptp(box.z_m)
     ax.add_patch(
-        Rectangle(corner, float(np.ptp(box["x_m"])), float(height), fill=False,
+        Rectangle(corner, float(np.ptp(box.x_m)), float(height), fill=False,
                   edgecolor=BEFORE, linewidth=1.3, zorder=3.0)
     )  # fmt: skip
     ax.annotate(
-        "section", (box["x_m"][1], corner[1] + height), xytext=(0, 2), ha="right", va="bottom",
+        "section", (box.x_m[1], corner[1] + height), xytext=(0, 2), ha="right", va="bottom",
         textcoords="offset points", fontsize=7.5, color=DARK, zorder=3.2, bbox=_PLATE,
     )  # fmt: skip
-    ax.set_aspect("equal")
+    metres(ax, tick_m=2)
     ax.grid(visible=False)
-    ax.xaxis.set_major_locator(MultipleLocator(2))
-    ax.yaxis.set_major_locator(MultipleLocator(2))
-    ax.set_xlabel("X [m]")
     ax.set_ylabel(f"Y on the floor [m]; heights drawn × {LIFT:g}")
     figure.colorbar(colours, ax=ax, label="height Z [m]", fraction=0.025, pad=0.01, extend="both")
 

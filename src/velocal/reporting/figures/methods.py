@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -175,7 +174,7 @@ def draw(numbers: pd.DataFrame, scanner: str, *, simulated: bool) -> Figure:
         title = f"{scanner}: methods of adjustment, " + (
             what if len(panels) == len(_PANELS) else "residuals"
         )
-        finish(figure, first, title, simulated=simulated, ncols=3)
+        finish(figure, [first], title, simulated=simulated, ncols=3)
     return figure
 
 
@@ -222,7 +221,7 @@ def _dots(ax: Axes, numbers: pd.DataFrame, columns: Sequence[str], *, logarithmi
         )  # fmt: skip
 
 
-def section(numbers: pd.DataFrame | None, png: bytes) -> dict[str, Any] | None:
+def section(numbers: pd.DataFrame | None) -> dict[str, Any] | None:
     """What a report shows of the comparison; None without."""
     if numbers is None or numbers.empty:
         return None
@@ -233,5 +232,4 @@ def section(numbers: pd.DataFrame | None, png: bytes) -> dict[str, Any] | None:
         "rows": cells,
         "verdict": verdict(numbers),
         "note": _note(numbers),
-        "png": base64.b64encode(png).decode("ascii"),
     }

@@ -9,11 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from velocal.reporting.style import AFTER, BEFORE, GREY, style
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
+from velocal.reporting.style import AFTER, BEFORE, GREY, finish, metres, style
 
 #: Kind of point, its colour and marker size; the adjustments whose set-ups belong to it.
 KINDS = {
@@ -67,21 +65,15 @@ def draw_network(content: Mapping[str, Any], *, simulated: bool) -> Figure:
                 color=colour, label=f"{kind}s ({len(own)}), at most {largest[-1]:.2f} mm",
             )  # fmt: skip
         _setups(plan, content["adjustments"])
-        plan.set_aspect("equal")
-        plan.grid(visible=True, axis="both")
+        metres(plan)
         plan.set_title(f"plan; 95 % ellipses {EXAGGERATION:g} times as large")
-        plan.set_xlabel("X [m]")
-        plan.set_ylabel("Y [m]")
         spread.set_title("largest standard deviation of a coordinate")
         spread.set_xlabel("a posteriori standard deviation [mm]")
         spread.set_ylabel("share of points [%]")
         spread.set_xlim(left=0.0)
         spread.set_ylim(0.0, 102.0)
-        figure.suptitle(
-            "Network of the survey" + (" (simulated observations)" if simulated else ""),
-            x=0.01, ha="left", fontsize=9.0, fontweight="bold",
-        )  # fmt: skip
-        figure.legend(loc="outside lower left", ncols=3, borderpad=0.1)
+        title = "Network of the survey" + (" (simulated observations)" if simulated else "")
+        finish(figure, [plan, spread], title, ncols=3)
     return figure
 
 

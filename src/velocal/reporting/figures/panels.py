@@ -5,8 +5,7 @@ All figures share one scale, so that conditions and scanners can be compared.
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping
+from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
@@ -102,17 +101,12 @@ def draw(
             f"{scanner}, outdoors, {kind} conditions, {len(numbers)} samples: s about planes "
             "fitted to the panels"
         )
-        finish(figure, ax, title, simulated=simulated, ncols=3, columnspacing=1.2)
+        finish(figure, [ax], title, simulated=simulated, ncols=3, columnspacing=1.2)
     return figure
 
 
-def section(means: pd.DataFrame | None, pictures: Mapping[str, bytes]) -> dict[str, Any] | None:
-    """What a report shows: rows of means, and figures by number; None without."""
+def section(means: pd.DataFrame | None) -> list[dict[Hashable, Any]]:
+    """Rows of means that a report shows; none without means."""
     if means is None or means.empty:
-        return None
-    return {
-        "rows": before_and_after(means, ["kind", "scanner"]).to_dict(orient="records"),
-        "figures": {
-            number: base64.b64encode(png).decode("ascii") for number, png in pictures.items()
-        },
-    }
+        return []
+    return before_and_after(means, ["kind", "scanner"]).to_dict(orient="records")

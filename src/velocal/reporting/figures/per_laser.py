@@ -6,7 +6,6 @@ scale.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from velocal.reporting.style import (
     samples_title,
     style,
 )
+from velocal.study.figures import LaserFigure
 
 #: Column, its axis label, and the share of a normal distribution about zero with the datasheet's
 #: standard deviation (None: the standard deviation itself), by kind.
@@ -51,17 +51,15 @@ TITLES = {
 }
 
 
-def per_laser(
-    lasers: pd.DataFrame, summary: pd.DataFrame, selection: Mapping[str, Any]
-) -> pd.DataFrame:
+def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigure) -> pd.DataFrame:
     """Numbers of a figure per laser: samples and windows together, before and after.
 
     Parameters
     ----------
     lasers, summary : DataFrame
         Statistics of all lasers, and of all windows.
-    selection : mapping
-        Entry of the configuration: ``kind``, ``scanner``, ``samples``, ``data``.
+    selection : LaserFigure
+        Entry of the configuration.
 
     Returns
     -------
@@ -76,8 +74,7 @@ def per_laser(
     VelocalError
         If a sample has no statistics.
     """
-    scanner, data = str(selection["scanner"]), str(selection["data"])
-    samples = [str(sample) for sample in selection["samples"]]
+    scanner, data, samples = selection.scanner, selection.data, selection.samples
     after = shown_after(summary, scanner, samples, data, "figures")
     of_data = lasers[(lasers["scanner"] == scanner) & (lasers["data"] == data)]
     known = list(dict.fromkeys(of_data["sample"]))
@@ -89,12 +86,12 @@ def per_laser(
             allowed=", ".join(known),
         )
     chosen = of_data[of_data["sample"].isin(samples)]
-    columns = [QUANTITIES[kind][0] for kind in PANELS[selection["kind"]]]
+    columns = [QUANTITIES[kind][0] for kind in PANELS[selection.kind]]
     return pd.concat(
         [
-            _means(shown.rows(chosen), columns).assign(
-                calibration=calibration, role=shown.role.value, parameter_set=shown.parameter_set
-            )[["laser", "laser_id", "calibration", "role", "parameter_set", "count", *columns]]
+            _means(shown.rows(chosen), columns).assign(calibration=calibration, **shown.identity)[
+                ["laser", "laser_id", "calibration", "role", "parameter_set", "count", *columns]
+            ]
             for calibration, shown in (("before", FACTORY), ("after", after))
         ],
         ignore_index=True,
@@ -120,14 +117,14 @@ def _means(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
 
 
 def draw_per_laser(
-    numbers: pd.DataFrame, selection: Mapping[str, Any], *, sigma_cm: float, simulated: bool
+    numbers: pd.DataFrame, selection: LaserFigure, *, sigma_cm: float, simulated: bool
 ) -> Figure:
     """Draw the numbers of `per_laser`, one panel per quantity.
 
     Parameters
     ----------
     numbers : DataFrame
-    selection : mapping
+    selection : LaserFigure
         Entry of the configuration.
     sigma_cm : float
         Standard deviation of the datasheet, drawn as a dashed line.
@@ -138,7 +135,7 @@ def draw_per_laser(
     -------
     Figure
     """
-    panels = PANELS[selection["kind"]]
+    panels = PANELS[selection.kind]
     with style():
         figure = Figure(figsize=(7.0, 1.1 + 2.2 * len(panels)))
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -146,8 +143,8 @@ def draw_per_laser(
             _dumbbells(ax, numbers, kind, sigma_cm)
         laser_axis(axes[-1], int(numbers["laser"].max()))
         axes[-1].set_xlabel("laser" + _unseen(numbers))
-        title = samples_title(selection, TITLES[selection["kind"]] + " per laser")
-        finish(figure, axes[0], title, simulated=simulated)
+        title = samples_title(selection, TITLES[selection.kind] + " per laser")
+        finish(figure, [axes[0]], title, simulated=simulated)
     return figure
 
 

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from velocal.geometry.planes import Patch
-from velocal.geometry.rigid import RigidTransformation
+from velocal.arrays import Array
 from velocal.reduction.assignment import NO_PLANE, Limits, assign
-from velocal.reporting.style import COLOURS, DARK, GREY, finish, style
+from velocal.reporting.style import COLOURS, DARK, GREY, finish, metres, style
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
+from velocal.study.figures import PlanFigure
+from velocal.survey.station import Station
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: What a row of the numbers is, besides the name of a plane for a median on it.
 OTHER, TARGET, OUTLINE, SCANNER, AHEAD = "other", "target", "outline", "scanner", "ahead"
@@ -39,41 +34,25 @@ _ARROW_M = 0.9
 _MARGIN_M = 0.3
 
 
-@dataclass(frozen=True)
-class View:
-    """What was measured from a position.
-
-    Attributes
-    ----------
-    position, sample : str
-    scanner : Scanner
-    rotation_rate_hz : float
-    medians : mapping of str to ndarray
-        Columns of `schemas.MEDIANS` of a window.
-    parameters : LaserParameters
-        The factory's.
-    patches : sequence of Patch
-        Surveyed planes in the scanner frame.
-    pose : RigidTransformation
-        ``T_scanner_site`` of the survey.
-    """
-
-    position: str
-    sample: str
-    scanner: Scanner
-    rotation_rate_hz: float
-    medians: Mapping[str, NDArray[Any]]
-    parameters: LaserParameters
-    patches: list[Patch]
-    pose: RigidTransformation
-
-
-def plan(view: View, targets: Targets, limits: Limits) -> pd.DataFrame:
+def plan(
+    sample: str,
+    station: Station,
+    beams: Beams,
+    parameters: LaserParameters,
+    targets: Targets,
+    limits: Limits,
+) -> pd.DataFrame:
     """Numbers of one panel, all in the field frame.
 
     Parameters
     ----------
-    view : View
+    sample : str
+    station : Station
+        Where the scanner stood, with the surveyed planes.
+    beams : Beams
+        Medians of a window.
+    parameters : LaserParameters
+        The factory's.
     targets : Targets
         Of the planes, field frame.
     limits : Limits
@@ -88,18 +67,17 @@ def plan(view: View, targets: Targets, limits: Limits) -> pd.DataFrame:
         median on no plane), ``target``, ``outline`` (corners of a plane in order), ``scanner``
         or ``ahead`` (a point on the scanner's Y axis).
     """
-    to_field = view.pose.inverse()
-    beams = Beams.from_ticks(view.medians, view.scanner, view.rotation_rate_hz)
-    plane = assign(beams, view.parameters, view.patches, limits)
-    xyz = to_field.apply(beams.points(view.parameters))
-    corners = [to_field.apply(patch.corners) for patch in view.patches]
+    to_field, patches = station.pose.inverse(), station.patches
+    plane = assign(beams, parameters, patches, limits)
+    xyz = to_field.apply(beams.points(parameters))
+    corners = [to_field.apply(patch.corners) for patch in patches]
     height = np.concatenate(corners)[:, 2]
     inside = (xyz[:, 2] > height.min() + _FLOOR_M) & (xyz[:, 2] < height.max())
 
     def parts() -> Iterator[tuple[str, str, Array, int]]:
         rows = np.flatnonzero((plane == NO_PLANE) & inside)
         yield OTHER, "", xyz[_thinned(rows)], len(rows)
-        for index, patch in enumerate(view.patches):
+        for index, patch in enumerate(patches):
             rows = np.flatnonzero(plane == index)
             yield "median", patch.name, xyz[_thinned(rows)], len(rows)
             yield OUTLINE, patch.name, corners[index], 0
@@ -110,36 +88,28 @@ def plan(view: View, targets: Targets, limits: Limits) -> pd.DataFrame:
         yield AHEAD, "", origin[1:], 0
 
     frames = [
-        pd.DataFrame(
-            {
-                "position": view.position,
-                "sample": view.sample,
-                "kind": kind,
-                "plane": name,
-                **{
-                    f"{axis}_m": np.round(where[:, column], 3) + 0.0
-                    for column, axis in enumerate("xyz")
-                },
-                "drawn_of": total or len(where),
-            }
+        pd.DataFrame(np.round(where, 3) + 0.0, columns=["x_m", "y_m", "z_m"]).assign(
+            kind=kind, plane=name, drawn_of=total or len(where)
         )
         for kind, name, where, total in parts()
     ]
-    return pd.concat(frames, ignore_index=True)
+    numbers = pd.concat(frames, ignore_index=True)
+    numbers = numbers.assign(position=station.position, sample=sample)
+    return numbers[["position", "sample", "kind", "plane", "x_m", "y_m", "z_m", "drawn_of"]]
 
 
 def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[:: -(-len(rows) // MEDIANS) or 1]
 
 
-def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated: bool) -> Figure:
+def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) -> Figure:
     """Draw the numbers of `plan`, one panel per position with the same axes.
 
     Parameters
     ----------
     numbers : DataFrame
         Of all positions, one after the other.
-    selection : mapping
+    selection : PlanFigure
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
@@ -160,15 +130,11 @@ def draw_plan(numbers: pd.DataFrame, selection: Mapping[str, Any], *, simulated:
             _panel(ax, numbers[numbers["position"] == position])
             ax.set_xlim(low[0], high[0])
             ax.set_ylim(low[1], high[1])
-            ax.set_aspect("equal")
-            ax.xaxis.set_major_locator(MultipleLocator(2))
-            ax.yaxis.set_major_locator(MultipleLocator(2))
-            ax.grid(visible=True, axis="both")
-            ax.set_xlabel("X [m]")
-        axes[0].set_ylabel("Y [m]")
+            metres(ax, tick_m=2)
+            ax.set_ylabel("Y [m]" if ax is axes[0] else "")
         finish(
-            figure, axes[0],
-            f"{selection['scanner']}: test field in plan, medians measured from each position",
+            figure, [axes[0]],
+            f"{selection.scanner}: test field in plan, medians measured from each position",
             simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure

@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.io.markup import markdown_table
-from velocal.reporting.style import COLOURS, finish, laser_axis, reference, style
+from velocal.reporting.style import COLOURS, centred, finish, laser_axis, metres, reference, style
 from velocal.scanner.models import scanner_named
-
-Array = NDArray[np.float64]
 
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
@@ -102,7 +101,7 @@ def field_planes(
         below.set_title("s about the mean of the laser on that plane")
         laser_axis(below, n_lasers)
         below.set_xlabel("laser")
-        finish(figure, below, "\n".join([title, *findings]), simulated=False, ncols=7)
+        finish(figure, [below], "\n".join([title, *findings]), ncols=7)
     return figure
 
 
@@ -129,18 +128,11 @@ def _plan(
             fontsize=7.5, ha="center", va="bottom" if number % 2 else "top",
             color=looks[name]["color"], fontweight="bold",
         )  # fmt: skip
-    ax.plot(0.0, 0.0, "+", color="black", markersize=9, markeredgewidth=1.2)
     shown = np.vstack([xyz[used, :2], np.zeros((1, 2))]) if len(used) else xyz[:, :2]
     low, high = np.percentile(shown, [0 if len(used) else 5, 100 if len(used) else 95], axis=0)
-    half = 0.56 * float(np.max(high - low))
-    middle = 0.5 * (low + high)
-    ax.set_xlim(middle[0] - half, middle[0] + half)
-    ax.set_ylim(middle[1] - half, middle[1] + half)
-    ax.set_aspect("equal")
-    ax.grid(visible=True, axis="both")
+    centred(ax, low, high)
+    metres(ax)
     ax.set_title("plan view; +: scanner")
-    ax.set_xlabel("X [m]")
-    ax.set_ylabel("Y [m]")
 
 
 def _per_laser(

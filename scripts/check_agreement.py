@@ -1,0 +1,20 @@
+"""Fail if a number of the paper that was reproduced within its tolerance no longer is."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from velocal.io import storage
+from velocal.io.scripts import run
+from velocal.paper.agreement import check
+from velocal.paper.printed import known_misses
+
+
+def main(*, agreement: Path, misses: Path) -> None:
+    """Write the items that are missed, with the known reason of each, as CSV."""
+    judged = pd.DataFrame(storage.read_csv(agreement, text=("item", "within")))
+    storage.write_csv(misses, check(judged, known_misses()))
+
+
+if "snakemake" in globals():
+    run(main, snakemake)

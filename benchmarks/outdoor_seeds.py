@@ -119,7 +119,7 @@ def study(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All samples and the means of a seed; the study's own seed if it is zero."""
     chosen = read_study(read_yaml(Path("config/config.yaml")), "config/config.yaml")
     simulated = world.read(Path(chosen.config.simulation.world))
-    simulated = replace(simulated, seed=simulated.seed + seed)
+    simulated = simulated.model_copy(update={"seed": simulated.seed + seed})
     candidates = {name: parameter_sets(simulated, name, chosen) for name in simulated.scanners}
     panels = [
         panel

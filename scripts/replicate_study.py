@@ -1,6 +1,5 @@
 """The study in memory with another seed of the simulated world, and fewer rotations."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from velocal.io import storage
@@ -20,7 +19,7 @@ def main(
     config: StudyConfig,
 ) -> None:
     """Write every entry of the tables beside the printed one."""
-    simulated = replace(world.read(world_file), seed=seed)
+    simulated = world.read(world_file).model_copy(update={"seed": seed})
     study = with_samples(config, "configuration")
     storage.write_csv(agreement, replicate.agreement(simulated, study, rotations))
 

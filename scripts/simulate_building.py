@@ -19,7 +19,7 @@ def main(
 ) -> None:
     """Write the records of every position, one recording each, and the base targets."""
     simulated = world.read(world_file)
-    scanner = building.described(simulated)["scanner"]
+    scanner = simulated.mapped_building().scanner
     for recording, position in zip(recordings, positions, strict=True):
         scene = building.scene(simulated, position)
         write_blocks(recording, capture.records(simulated, scanner, scene, position, ROTATIONS))

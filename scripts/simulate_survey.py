@@ -19,10 +19,10 @@ def main(
 ) -> None:
     """Write the observation files of the survey."""
     simulated = world.read(world_file)
-    camera = simulated.survey["camera"]
+    camera = simulated.survey.camera
     paths = {"points": points, "network": network, "images": images}
     paths |= {"base_sights": base_sights, "base_readings": base_readings}
-    write_field_book(field_book(simulated), paths, camera["principal_distance_mm"])
+    write_field_book(field_book(simulated), paths, camera.principal_distance_mm)
 
 
 if "snakemake" in globals():

@@ -5,9 +5,9 @@ from pathlib import Path
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.paper.tuning import tune
+from velocal.simulation import world
 from velocal.study.config import StudyConfig
 from velocal.study.study import with_samples
-from velocal.study.world import read_world
 
 
 def main(
@@ -21,7 +21,7 @@ def main(
 ) -> None:
     """Write what the constants are and what would fit better; the world file is left alone."""
     study = with_samples(config, "configuration")
-    content, chosen = read_world(world_file).plain(), range(1, seeds + 1)
+    content, chosen = world.read(world_file).plain(), range(1, seeds + 1)
     storage.write_csv(constants, tune(content, study, chosen, rotations, iterations=iterations))
 
 

@@ -12,7 +12,9 @@ hardly changes with the rotational angle, so that its rounding errors are alike 
 
 import numpy as np
 import pytest
+from support.adjustment import adjust_laser
 from support.chain import Loop, run, study_world
+from support.world import without_errors
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import PaperModel
@@ -32,7 +34,7 @@ CASES = {
 def loop(request, tmp_path_factory) -> tuple[Loop, float]:
     position, half_step = CASES[request.param]
     result = run(
-        study_world().without_errors(),
+        without_errors(study_world()),
         request.param,
         position,
         tmp_path_factory.mktemp("loop"),
@@ -48,7 +50,7 @@ def loop(request, tmp_path_factory) -> tuple[Loop, float]:
 
 def bounds(loop: Loop, laser: int, half_step: float) -> tuple[np.ndarray, np.ndarray]:
     """Worst and expected error of the parameters of a laser."""
-    own = loop.observations.of_laser(laser)
+    own = loop.observations.take(loop.observations.laser_id == laser)
     _, matrix = own.design(loop.true)
     alpha = matrix[:, PARAMETERS.index("alpha")]
     error = TICK_M / 2 + np.abs(alpha) * half_step
@@ -118,7 +120,6 @@ def test_walls_alone_do_not_show_the_vertical_angle(tmp_path):
 
 def test_a_laser_without_points_is_named(loop):
     result, _ = loop
-    from velocal.adjustment.lasers import adjust_laser
 
     data = result.observations
     keep = data.laser_id != 3

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.chain import study_world
+from support.world import changed
 
 from velocal.paper import printed, replicate, tuning
 from velocal.paper.agreement import judged
@@ -39,25 +40,24 @@ def numbers(world, study):
     return found[["rms_cm", "within_1sigma_pct", "within_3sigma_pct"]]
 
 
-def changed(**errors):
-    unit = WORLD.scanners["HDL-32E"]
-    scanners = {**WORLD.scanners, "HDL-32E": replace(unit, errors=replace(unit.errors, **errors))}
-    warm = {"sa5": {"halogen": True, "start_k": 10.0}}
-    warmth = replace(WORLD.warmth, samples={**WORLD.warmth.samples, **warm})
-    return replace(WORLD, scanners=scanners, warmth=warmth)
+def warm(**errors):
+    """The world with a warm sample and other errors of the unit."""
+    values = {f"scanners/HDL-32E/errors/{name}": value for name, value in errors.items()}
+    start = {"warmth/samples/sa5": {"halogen": True, "start_k": 10.0}}
+    return changed(WORLD, start | values)
 
 
 def test_a_constant_of_the_world_changes_the_numbers(monkeypatch):
     study = small_study(monkeypatch)
-    before = numbers(changed(), study)
-    pd.testing.assert_frame_equal(before, numbers(changed(), study))
-    same = [name for name in OTHER if numbers(changed(**{name: OTHER[name]}), study).equals(before)]
+    before = numbers(warm(), study)
+    pd.testing.assert_frame_equal(before, numbers(warm(), study))
+    same = [name for name in OTHER if numbers(warm(**{name: OTHER[name]}), study).equals(before)]
     assert same == []
 
 
 def test_another_seed_is_another_unit(monkeypatch):
     study = small_study(monkeypatch)
-    first, second = (numbers(replace(WORLD, seed=seed), study) for seed in (1, 2))
+    first, second = (numbers(changed(WORLD, {"seed": seed}), study) for seed in (1, 2))
     assert (first["rms_cm"] - second["rms_cm"]).abs().max() > 0.5
 
 
@@ -92,3 +92,22 @@ def test_tuning_finds_the_constants_of_made_up_tables():
     assert found["after"].to_numpy() == pytest.approx([1.5, 0.3], abs=1e-3)
     assert (found["misfit_after"] < 1e-2).all()
     assert content["a"]["x"] == 2.0
+
+
+def test_tuning_takes_a_shorter_step_where_the_world_allows_no_constants():
+    """A standard deviation below zero has no cells; the best value lies beside it."""
+    errors = "scanners/HDL-64E/errors"
+    content = WORLD.plain() | {"tuned": [f"{errors}/dl_cm", f"{errors}/dl_mean_cm"]}
+    start, refused = tuning.value_at(content, content["tuned"][1]), []
+
+    def cells(world, study, seeds, rotations):
+        size, mean = (tuning.value_at(world, path) for path in content["tuned"])
+        if size < 0.0:
+            refused.append(tuning.misfit(world, study, seeds, rotations))
+            return refused[-1]
+        return np.array([np.sqrt(size) - 0.1, mean - start])
+
+    found = tuning.tune(content, None, [1], 3, iterations=50, evaluate=cells)
+    assert found["after"][0] == pytest.approx(0.01, abs=1e-3)
+    assert refused
+    assert set(np.concatenate(refused)) == {np.inf}

@@ -1,10 +1,9 @@
 """The simulated survey: the printed accuracies come out, and the truth lies within them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.chain import study_world
+from support.world import changed
 
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid, closed_form
 from velocal.simulation import survey
@@ -37,19 +36,16 @@ def test_accuracies_follow_from_the_observations():
     world = study_world()
     reference = numbers(world, a_priori=True)
 
-    def changed(**part):
-        return numbers(replace(world, survey={**world.survey, **part}), a_priori=True)
+    def doubled(place, value):
+        return numbers(changed(world, {f"survey/{place}": 2 * value}), a_priori=True)
 
-    station, camera = world.survey["total_station"], world.survey["camera"]
-    coarse = changed(total_station={**station, "pointing_mm": 2 * station["pointing_mm"]})
+    coarse = doubled("total_station/pointing_mm", world.survey.total_station.pointing_mm)
     assert 1.4 < coarse["control_points"] / reference["control_points"] < 2.0
     assert coarse["base_scanner"] == reference["base_scanner"]
-    blurred = changed(camera={**camera, "image_um": 2 * camera["image_um"]})
+    blurred = doubled("camera/image_um", world.survey.camera.image_um)
     assert blurred["control_points"] == reference["control_points"]
     assert 1.3 < blurred["targets"] / reference["targets"] < 2.0
-    unit = world.scanner("HDL-64E")
-    rough = replace(unit, base_scanner={**unit.base_scanner, "std_mm": [3.0, 1.0, 1.0]})
-    rough = replace(world, scanners={**world.scanners, "HDL-64E": rough})
+    rough = changed(world, {"scanners/HDL-64E/base_scanner/std_mm": [3.0, 1.0, 1.0]})
     assert numbers(rough)["base_scanner"] == pytest.approx(2 * numbers(world)["base_scanner"])
 
 
@@ -59,11 +55,11 @@ def test_truth_lies_within_the_stated_accuracy():
     inside: dict[str, list[float]] = {"control": [], "targets": [], "base": []}
     square = {"HDL-64E": [], "HDL-32E": []}
     for seed in SEEDS:
-        world = replace(study_world(), seed=seed)
+        world = changed(study_world(), {"seed": seed})
         book = survey.field_book(world)
         found = adjust_field_book(book)
-        control = survey.true_targets(world, world.survey["control"], "control").xyz
-        targets = survey.true_targets(world, world.site["targets"], "targets").xyz
+        control = survey.true_targets(world, world.survey.control, "control").xyz
+        targets = survey.true_targets(world, world.site.targets, "targets").xyz
         frame = in_datum(control, book.control.xyz)
         for name, adjusted, true in (
             ("control", found.control_points, control),
@@ -71,7 +67,7 @@ def test_truth_lies_within_the_stated_accuracy():
         ):
             inside[name].append(np.mean(np.abs(adjusted.xyz - frame(true)) < 1.96 * adjusted.std))
         for position, base in found.base_site.items():
-            scanner = world.positions[position]["scanner"]
+            scanner = world.positions[position].scanner
             true = world.pose(position)
             field = frame(true.apply(survey.base_targets_true(world, scanner).xyz))
             inside["base"].append(np.mean(np.abs(base.xyz - field) < 1.96 * base.std))
@@ -114,7 +110,7 @@ def test_pose_is_as_good_as_the_tables_demand(scanner, metres, degrees):
     world = study_world()
     found = adjust_field_book(survey.field_book(world, noise=False), a_priori=True)
     for position, where in world.positions.items():
-        if where["scanner"] == scanner:
+        if where.scanner == scanner:
             variance = np.diag(pose_at(found, scanner, position).covariance)
             assert np.sqrt(variance[3:].mean()) == pytest.approx(metres, rel=0.3)
             assert np.rad2deg(np.sqrt(variance[:3].mean())) == pytest.approx(degrees, rel=0.3)

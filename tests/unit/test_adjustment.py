@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.adjustment import adjust_laser
 
-from velocal.adjustment.lasers import adjust_all, adjust_laser
+from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.linear import System
 from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet

@@ -1,11 +1,11 @@
 """The simulated building: what beams meet, and recordings of scenes other than the field."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.building import CONTENT, ROOM, WORLD
+from support.world import changed
 
 from velocal.errors import ConfigError
 from velocal.simulation import building, capture
@@ -14,7 +14,7 @@ from velocal.study.model import validated
 from velocal.study.world import WorldFile
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL = replace(WORLD, building=ROOM)
+SMALL = changed(WORLD, {"building": ROOM})
 
 
 def ranges(origin, *directions, of=SMALL):
@@ -49,7 +49,7 @@ def test_pillars_hide_what_is_behind():
     np.testing.assert_allclose(length, 0.8)
 
 
-@pytest.mark.parametrize("position", WORLD.building["positions"])
+@pytest.mark.parametrize("position", WORLD.building.positions)
 def test_faces_left_out_of_a_scene_are_not_seen_from_there(position):
     scene = building.scene(WORLD, position)
     everything = building.surfaces(WORLD)
@@ -73,15 +73,15 @@ def test_floor_reflects_less_than_walls():
 
 def test_base_targets_stand_at_every_position():
     groups = building.base_targets(WORLD)
-    assert [part.group[0] for part in groups] == list(WORLD.building["positions"])
-    for part, where in zip(groups, WORLD.building["positions"].values(), strict=True):
-        centre = part.xyz.mean(axis=0) - [where["x_m"], where["y_m"], where["z_m"]]
+    assert [part.group[0] for part in groups] == list(WORLD.building.positions)
+    for part, where in zip(groups, WORLD.building.positions.values(), strict=True):
+        centre = part.xyz.mean(axis=0) - [where.x_m, where.y_m, where.z_m]
         assert np.abs(centre).max() < 0.05
 
 
 def test_a_short_recording_is_that_of_all_azimuths():
     boxes = {name: ROOM["boxes"][name] for name in ("west", "south")}
-    corner = replace(WORLD, building={**ROOM, "scanner": "HDL-32E", "boxes": boxes})
+    corner = changed(WORLD, {"building": {**ROOM, "scanner": "HDL-32E", "boxes": boxes}})
     scene = building.scene(corner, "A")
     short = b"".join(capture.records(corner, "HDL-32E", scene, "A", 1))
     shots = capture.shots_at(corner, "HDL-32E", scene)
@@ -92,7 +92,7 @@ def test_errors_name_what_there_is():
     with pytest.raises(ConfigError, match=r"no position 'B'.*A"):
         building.scene(SMALL, "B")
     with pytest.raises(ConfigError, match="no building"):
-        building.scene(replace(WORLD, building=None), "A")
+        building.scene(changed(WORLD, {"building": None}), "A")
 
 
 def test_schema_knows_the_building():

@@ -83,3 +83,13 @@ def test_nothing_unsafe_is_called(path):
 )
 def test_unsafe_code_is_recognised(code):
     assert unsafe(ast.parse(code))
+
+
+def test_one_module_defines_the_array_type():
+    own = [
+        path.relative_to(ROOT).as_posix()
+        for path in sources("src", "scripts")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Assign) and "Array" in map(ast.unparse, node.targets)
+    ]
+    assert own == ["src/velocal/arrays.py"]

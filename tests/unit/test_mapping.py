@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.building import ROOM, WORLD, stated
+from support.world import changed, without_errors
 
 from velocal.calibration.files import formats
 from velocal.errors import VelocalError
@@ -130,12 +131,11 @@ def test_a_recording_without_a_complete_rotation_is_named():
 def mapped(tmp_path_factory):
     """Recordings of a room without errors, mapped with the factory's and with true parameters."""
     folder = tmp_path_factory.mktemp("map")
-    perfect = WORLD.without_errors()
     rooms = {**ROOM, "base_std_mm": 1e-6, "positions": {
         "A": {**ROOM["positions"]["A"], "tilt_x_deg": 0.4},
         "B": {**ROOM["positions"]["A"], "x_m": 2.5, "y_m": 1.2, "heading_deg": 70.0},
     }}  # fmt: skip
-    perfect = type(perfect)(**{**vars(perfect), "building": rooms})
+    perfect = changed(without_errors(WORLD), {"building": rooms})
     recordings = []
     for position in rooms["positions"]:
         recordings.append(folder / f"{position}.bin")
@@ -231,8 +231,8 @@ def test_the_nearer_point_hides_the_farther():
 
 def test_the_study_maps_what_its_building_has():
     config = read_yaml(ROOT / "config/config.yaml")["figures"]["28"]
-    width, depth = WORLD.building["size_m"]
-    assert config["scanner"] == WORLD.building["scanner"]
+    width, depth = WORLD.building.size_m
+    assert config["scanner"] == WORLD.building.scanner
     for box in config["sections"].values():
         assert -0.3 <= min(box["x_m"]) < max(box["x_m"]) <= width + 0.3
         assert -0.3 <= min(box["y_m"]) < max(box["y_m"]) <= depth + 0.3

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.chain import study_world
+from support.world import changed, without_errors
 
 from velocal.errors import ConfigError, SurveyError, VelocalError
 from velocal.evaluation.candidates import with_sets
@@ -46,8 +47,7 @@ def fitted(cloud, distance_m=10.0, **fit):
 
 def with_kind(world, **changes):
     """The world with another fog, or other people, in its real scenes."""
-    kinds = {**world.outdoor["kinds"], "real": world.outdoor["kinds"]["real"] | changes}
-    return replace(world, outdoor={**world.outdoor, "kinds": kinds})
+    return changed(world, {f"outdoor/kinds/real/{name}": part for name, part in changes.items()})
 
 
 CLEAR = {
@@ -57,7 +57,7 @@ CLEAR = {
 
 
 def test_true_parameters_see_flat_panels_through_fog_and_people(tmp_path):
-    world = study_world().without_errors()
+    world = without_errors(study_world())
     thick = {
         "fog": {"lost_per_m": 0.02, "early_per_m": 0.02, "noise": 0.0},
         "people": {"count": 6, "radius_m": 0.25, "height_m": 1.75, "speed_m_s": 3.0},
@@ -79,7 +79,7 @@ def test_true_parameters_see_flat_panels_through_fog_and_people(tmp_path):
 
 
 def test_returns_of_fog_and_people_are_there_and_left_out(tmp_path):
-    world = study_world().without_errors()
+    world = without_errors(study_world())
     clear, thick = (
         seen(with_kind(world, **changes), tmp_path)
         for changes in (CLEAR, CLEAR | {"fog": CLEAR["fog"] | {"early_per_m": 0.02}})
@@ -92,13 +92,10 @@ def test_returns_of_fog_and_people_are_there_and_left_out(tmp_path):
 
 def test_the_near_far_constant_is_what_limits_the_gain(tmp_path):
     """A set that is right at 3 m is right at 25 m only where errors do not depend on range."""
-    flat = with_kind(study_world().without_errors(), **CLEAR)
-    unit = flat.scanner("HDL-64E")
+    flat = with_kind(without_errors(study_world()), **CLEAR)
     ratios = {}
     for scale in (0.0, 0.11):
-        errors = replace(unit.errors, range_scale_cm_per_m=scale)
-        scanners = {**flat.scanners, "HDL-64E": replace(unit, errors=errors)}
-        world = replace(flat, scanners=scanners)
+        world = changed(flat, {"scanners/HDL-64E/errors/range_scale_cm_per_m": scale})
         true = truth.unit_truth(world, "HDL-64E")
         near = true.parameters.corrected({"dl": -3.0 * true.range_scale})
         cloud = seen(world, tmp_path, "real5", "HDL-64E")
@@ -129,7 +126,7 @@ def test_a_scene_that_is_not_there():
         outdoor_scene(study_world(), SCANNER, "real99", 1.0)
     assert "ideal1" in str(error.value)
     with pytest.raises(ConfigError, match="the world has no `outdoor`"):
-        outdoor_scene(replace(study_world(), outdoor=None), SCANNER, "real1", 1.0)
+        outdoor_scene(changed(study_world(), {"outdoor": None}), SCANNER, "real1", 1.0)
 
 
 def test_a_person_is_met_in_front():
@@ -211,7 +208,7 @@ def test_figures_have_one_scale_and_the_same_bytes(tmp_path):
 def test_fog_and_people_have_the_tick_of_the_scanner(scanner):
     """A VLP-32C sends distances in ticks of 4 mm."""
     world = with_kind(study_world(), **CLEAR)
-    world = replace(world, scanners={scanner: world.scanner("HDL-32E")})
+    world = changed(world, {"scanners": {scanner: world.plain()["scanners"]["HDL-32E"]}})
     air = outdoor_scene(world, scanner, "real1", 1.0).between
     n, tick = 200, SCANNERS[scanner].distance_tick_m
     wall = np.full((n, SCANNERS[scanner].n_lasers), 10.0 / tick, dtype=np.float32)

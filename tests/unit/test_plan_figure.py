@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.building import WORLD, stated
+from support.world import without_errors
 
 from velocal.io import schemas, storage
 from velocal.reporting import captions
@@ -25,7 +26,7 @@ from velocal.survey.targets import write_targets
 PLANES = ["short_wall", "long_wall", "floor"]
 LIMITS = AssignmentLimits(distance_cm=25, edge_cm=5, incidence_deg=80)
 SELECTION = PlanFigure(kind="plan", scanner="HDL-32E", samples=["sa5", "sa6"])
-PERFECT = WORLD.without_errors()
+PERFECT = without_errors(WORLD)
 
 
 @pytest.fixture(scope="module")
@@ -81,11 +82,11 @@ def test_medians_lie_on_the_planes_of_the_field(numbers):
     for plane, axis in (("short_wall", "x_m"), ("long_wall", "y_m"), ("floor", "z_m")):
         assert on.loc[on["plane"] == plane, axis].abs().max() < 0.01
     off = numbers[numbers["kind"] == "other"]
-    (x0, x1), (y0, y1) = WORLD.site["room_x_m"], WORLD.site["room_y_m"]
+    (x0, x1), (y0, y1) = WORLD.site.room_x_m, WORLD.site.room_y_m
     assert off["x_m"].between(x0 - 0.05, x1 + 0.05).all()
     assert off["y_m"].between(y0 - 0.05, y1 + 0.05).all()
     # The frame of a free network is off by the rounding of the sketch, a centimetre.
-    assert off["z_m"].between(0.09, WORLD.site["wall_height_m"] + 0.01).all()
+    assert off["z_m"].between(0.09, WORLD.site.wall_height_m + 0.01).all()
 
 
 def test_scanners_stand_where_they_were_surveyed(numbers):
@@ -93,10 +94,10 @@ def test_scanners_stand_where_they_were_surveyed(numbers):
         rows = numbers[numbers["position"] == position].set_index("kind")
         where = WORLD.positions[position]
         at = rows.loc["scanner", ["x_m", "y_m", "z_m"]].to_numpy(dtype=float)
-        np.testing.assert_allclose(at, [where["x_m"], where["y_m"], where["z_m"]], atol=0.002)
+        np.testing.assert_allclose(at, [where.x_m, where.y_m, where.z_m], atol=0.002)
         ahead = rows.loc["ahead", ["x_m", "y_m", "z_m"]].to_numpy(dtype=float) - at
         heading = np.rad2deg(np.arctan2(ahead[0], ahead[1]))
-        np.testing.assert_allclose(heading, where["heading_deg"], atol=0.5)
+        np.testing.assert_allclose(heading, where.heading_deg, atol=0.5)
 
 
 def test_medians_are_thinned_evenly_and_counted(numbers):
@@ -105,7 +106,7 @@ def test_medians_are_thinned_evenly_and_counted(numbers):
         step = -(-of // plan_figure.MEDIANS)
         assert len(rows) == -(-of // step) <= plan_figure.MEDIANS
     targets = numbers[(numbers["kind"] == "target") & (numbers["position"] == "P5")]
-    assert len(targets) == sum(WORLD.site["targets"].values())
+    assert len(targets) == sum(count for _, count in WORLD.site.targets)
 
 
 def test_nothing_measured_still_makes_a_plan(views):

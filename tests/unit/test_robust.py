@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.adjustment import adjust_laser
 
-from velocal.adjustment.lasers import adjust_laser
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.robust import Robust, huber, igg, snooping
 from velocal.adjustment.solvers import WithPrior

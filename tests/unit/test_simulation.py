@@ -1,11 +1,11 @@
 """The simulated world: what leaves it is what a scanner would send."""
 
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.chain import study_world
+from support.world import changed, without_errors
 
 from velocal.errors import ConfigError
 from velocal.packets.data import view
@@ -46,14 +46,14 @@ def test_one_seed_one_recording_and_streams_of_their_own():
     world = study_world()
     assert recording(world) == recording(world)
     assert recording(world) != recording(world, sample="y")
-    assert recording(world) != recording(replace(world, seed=1))
-    more = replace(world, positions={**world.positions, "P9": world.positions["P5"]})
+    assert recording(world) != recording(changed(world, {"seed": 1}))
+    more = changed(world, {"positions/P9": world.plain()["positions"]["P5"]})
     assert recording(world) == recording(more)
 
 
 def test_distances_are_those_of_the_scene():
     """Without errors a raw distance is the range to the scene, less the correction, in ticks."""
-    world = study_world().without_errors()
+    world = without_errors(study_world())
     packets = view(
         np.frombuffer(recording(world), dtype=np.uint8).reshape(-1, 1248)[:, 42:].copy()
     )[:200]
@@ -78,15 +78,15 @@ def test_distances_are_those_of_the_scene():
 
 def test_relief_is_as_printed():
     for name in ("short_wall", "long_wall"):
-        mean, largest = study_world().site["flatness"][name].values()
+        flatness = getattr(study_world().site.flatness, name)
         surface = site_surfaces(study_world())[name]
         a, b = (x.ravel() for x in np.meshgrid(*(np.linspace(0, e, 300) for e in surface.size)))
         height = surface.relief(a, b) * 1e3
         plane = np.column_stack([np.ones_like(a), a, b])
         height = np.abs(height - plane @ np.linalg.lstsq(plane, height)[0])
         # The bump that reaches the largest deviation moves the best plane itself a little.
-        assert height.max() == pytest.approx(largest, rel=0.1)
-        assert height.mean() == pytest.approx(mean, rel=0.15)
+        assert height.max() == pytest.approx(flatness.max_mm, rel=0.1)
+        assert height.mean() == pytest.approx(flatness.mean_mm, rel=0.15)
 
 
 def test_observations_are_as_good_as_stated():
@@ -116,11 +116,10 @@ def test_base_targets_are_intersected_not_measured():
 
 def test_a_new_position_changes_no_observation_of_others():
     world = study_world()
-    more = replace(
-        world,
-        positions={**world.positions, "P9": world.positions["P5"]},
-        survey={**world.survey, "setups": {"P9": [[3, 3, 1], [2, 3, 1]], **world.survey["setups"]}},
-    )
+    content = world.plain()
+    setups = {"P9": [[3, 3, 1], [2, 3, 1]], **content["survey"]["setups"]}
+    place = content["positions"]["P5"]
+    more = changed(world, {"positions/P9": place, "survey/setups": setups})
     one, other = survey.field_book(world), survey.field_book(more)
     np.testing.assert_array_equal(one.images.value, other.images.value)
     np.testing.assert_array_equal(one.polar.value, other.polar.value)

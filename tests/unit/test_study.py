@@ -7,6 +7,7 @@ import yaml
 
 from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS
+from velocal.simulation.world import check_world, load, read
 from velocal.study.config import StudyConfig
 from velocal.study.files import check_files
 from velocal.study.model import read_yaml, validated
@@ -14,7 +15,7 @@ from velocal.study.samples import OutdoorSample, SurveyedSample, UnsurveyedSampl
 from velocal.study.schema import FILES, keys, outputs
 from velocal.study.study import read_study
 from velocal.study.template import write_study
-from velocal.study.world import WorldFile, check_world, read_world
+from velocal.study.world import WorldFile
 
 
 @pytest.fixture
@@ -333,7 +334,7 @@ def test_the_world_is_valid(root):
     ],
 )
 def test_what_a_study_needs_of_the_world(root, config, part, name, message):
-    study, world = read_study(config, "config"), read_world(root / "config/world.yaml")
+    study, world = read_study(config, "config"), read(root / "config/world.yaml")
     check_world(study, world, "world")
     content = world.plain()
     place = content["outdoor"] if part == "kinds" else content
@@ -343,4 +344,4 @@ def test_what_a_study_needs_of_the_world(root, config, part, name, message):
         del place[part][name]
     content["tuned"] = []
     with pytest.raises(ConfigError, match=message):
-        check_world(study, WorldFile.model_validate(content), "world")
+        check_world(study, load(content), "world")

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.adjustment import adjust_laser
 
-from velocal.adjustment.lasers import adjust_laser
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.solvers import WithPrior
 from velocal.adjustment.stochastic import Stochastic

@@ -7,10 +7,10 @@ from pathlib import Path
 from velocal.errors import VelocalError
 from velocal.io.provenance import library_digest
 from velocal.scanner.models import SCANNERS
+from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files
 from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
 from velocal.study.study import read_study
-from velocal.study.world import check_world, read_world
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 WORKFLOW = Path(str(workflow.current_basedir)).parent

@@ -62,7 +62,7 @@ rule decode_returns:
         address=lambda wildcards: sample_of(wildcards).address,
         which=SETTINGS.reduction.which,
         length=lambda wildcards: (
-            None if wildcards.window == WHOLE else STUDY.windows.rotations
+            None if wildcards.window == WHOLE else SETTINGS.windows.rotations
         ),
     script:
         "../../scripts/decode_returns.py"

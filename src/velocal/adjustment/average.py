@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.result import CalibrationSet
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import PARAMETERS
 
-Array = NDArray[np.float64]
 Weighting = Literal["equal", "covariance"]
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 #: Sums of squares that differ by less than this, relatively, count as equal.
 ROUNDING = 1e-12

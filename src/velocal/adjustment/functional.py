@@ -12,10 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
-
-Array = NDArray[np.float64]
 
 #: Laser of every row, or the one of all rows.
 Lasers = NDArray[np.integer] | int

@@ -16,11 +16,10 @@ from velocal.adjustment.core import gauss_newton
 from velocal.adjustment.functional import ADJUSTABLE, scaled, split
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import LaserParameters
-
-Array = NDArray[np.float64]
 
 #: The datum: corrections whose mean over the observed lasers is kept at zero, because a common
 #: alpha cannot be told from a rotation of all planes, nor a common range scale from their size.
@@ -28,6 +27,12 @@ DATUM = ("alpha", "scale")
 #: Unknowns of a plane: two of the direction of its normal (rad) and the offset (m), and units in
 #: which any data determine them.
 _PLANE, _PLANE_UNIT = 3, 1.0
+#: A combination of unknowns stays at its initial value where its posterior standard deviation
+#: exceeds this many prior ones.
+TRUNCATE_AT = 1.0
+#: Largest number of linearisations. They end before, when no unknown changes by more than the
+#: tolerance times its prior standard deviation (or itself, if that is larger).
+MAX_ITERATIONS, TOLERANCE = 30, 1e-6
 #: Standard deviation of a datum condition: of the sum of a correction in units of its prior.
 _DATUM_STD = 1e-6
 
@@ -131,7 +136,7 @@ class JointProblem:
 
     Parameters
     ----------
-    observations, group, initial, names, stochastic, truncate_at
+    observations, group, initial, names, stochastic
         As for `adjust_joint`.
     """
 
@@ -142,10 +147,9 @@ class JointProblem:
         initial: LaserParameters,
         names: Sequence[str],
         stochastic: Stochastic,
-        truncate_at: float,
     ) -> None:
         self.data, self.initial, self.names = observations, initial, tuple(names)
-        self.stochastic, self.truncate_at = stochastic, truncate_at
+        self.stochastic = stochastic
         self.planes = _Planes.at_start(observations, group)
         lasers, u, planes = len(initial), len(names), len(self.planes.offset)
         prior = stochastic.prior_of(names)
@@ -191,7 +195,7 @@ class JointProblem:
             values, vectors = np.linalg.eigh(here.matrix[np.ix_(self.observed, self.observed)])
             basis = np.zeros((len(self.unit), len(values)))
             basis[self.observed] = vectors
-            self._basis = basis[:, values > 1.0 / self.truncate_at**2]
+            self._basis = basis[:, values > 1.0 / TRUNCATE_AT**2]
         matrix = self._basis.T @ here.matrix @ self._basis
         return [-self._basis @ np.linalg.solve(matrix, self._basis.T @ here.right)]
 
@@ -206,16 +210,12 @@ def adjust_joint(
     initial: LaserParameters,
     names: Sequence[str],
     stochastic: Stochastic,
-    *,
-    truncate_at: float = 1.0,
-    max_iterations: int = 30,
-    tolerance: float = 1e-6,
 ) -> JointAdjustment:
     """Adjust all lasers together with the planes that they hit.
 
     A Gauss-Helmert adjustment, ``min sum (s / sigma)^2`` over the parameters of all lasers and
     three unknowns per plane, by normal equations of all of them. Combinations of the unknowns
-    that neither data nor datum determine (posterior standard deviation above `truncate_at` prior
+    that neither data nor datum determine (posterior standard deviation above `TRUNCATE_AT` prior
     ones) stay at their initial values.
 
     Parameters
@@ -232,13 +232,6 @@ def adjust_joint(
     stochastic : Stochastic
         Weights. Its prior does not enter the sum of squares; it only decides on the rank, and
         gives the parameters of the datum their units.
-    truncate_at : float
-        See above.
-    max_iterations : int
-        Largest number of linearisations.
-    tolerance : float
-        The iteration ends when no unknown changes by more than this times its prior standard
-        deviation (or itself, if that is larger).
 
     Returns
     -------
@@ -252,14 +245,14 @@ def adjust_joint(
     """
     if not len(observations.phi):
         raise VelocalError("no observations to adjust lasers and planes on", where="adjustment")
-    problem = JointProblem(observations, group, initial, names, stochastic, truncate_at)
+    problem = JointProblem(observations, group, initial, names, stochastic)
     n = len(problem.unit)
     block = gauss_newton(
         problem,
         np.zeros((1, n)),
         np.ones(n),
-        max_iterations=max_iterations,
-        tolerance=tolerance,
+        max_iterations=MAX_ITERATIONS,
+        tolerance=TOLERANCE,
     )[0]
     corrections, planes = problem.split(block.x)
     normal, offset, _ = problem.planes.at(planes)

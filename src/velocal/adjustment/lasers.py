@@ -15,7 +15,7 @@ from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver, solve
 from velocal.adjustment.stochastic import Stochastic, block_numbers
-from velocal.arrays import Array
+from velocal.arrays import Array, rows_of
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
 
@@ -212,25 +212,13 @@ def adjust_all(
             blocks[laser],
             steps[laser],
             stochastic,
-            by.take(rows),
+            rows_of(by, rows),
             None if noise is None else (noise[0][laser], noise[1][laser]),
         )
         if laser in blocks
         else _unobserved(problem.names, problem.prior_std)
         for laser, rows in enumerate(problem.rows)
     ]
-
-
-def adjust_laser(
-    observations: Observations,
-    laser: int,
-    initial: LaserParameters,
-    names: Sequence[str],
-    solver: Solver,
-    stochastic: Stochastic,
-) -> Adjustment:
-    """Adjust one laser; see `adjust_all`."""
-    return adjust_all(observations.of_laser(laser), initial, names, solver, stochastic)[laser]
 
 
 def _quality(
@@ -263,6 +251,7 @@ def _quality(
         nuisance.contributions(step.influence, stochastic, by, scale_adjusted="scale" in names)
     )
     combinations = quality.non_estimable(names, step)
+    variance = float(weight @ residuals**2) / redundancy if redundancy > 0 else float("nan")
     message = block.message
     if combinations:
         message += f"; rank {step.rank} of {len(names)}, left to the prior: "
@@ -279,7 +268,10 @@ def _quality(
         singular_values=step.singular_values[step.singular_values > 0.0],
         residuals=residuals,
         redundancy_numbers=1.0 - step.leverage,
-        variance=float(weight @ residuals**2) / redundancy if redundancy > 0 else float("nan"),
+        least_redundancy_number=float(np.min(1.0 - step.leverage)),
+        residual_std_m=float(np.sqrt(variance)),
+        count=len(residuals),
+        variance=variance,
         variance_factor=factor,
         variance_factor_p=quality.variance_factor_test(factor, redundancy),
         redundancy=redundancy,
@@ -305,6 +297,9 @@ def _unobserved(names: tuple[str, ...], prior_std: Array) -> Adjustment:
         singular_values=np.zeros(u),
         residuals=np.zeros(0),
         redundancy_numbers=np.zeros(0),
+        least_redundancy_number=nan,
+        residual_std_m=nan,
+        count=0,
         variance=nan,
         variance_factor=nan,
         variance_factor_p=nan,

@@ -8,14 +8,13 @@ through the influence of the misclosures.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.stochastic import Stochastic
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 #: Length over which the deviation of a surface from its plane is about the same, metres. It is the
 #: integral of the correlation along a line, for waves of 0.7 to 2.5 m in all directions.
@@ -103,10 +102,6 @@ class Derivatives:
     begins: NDArray[np.bool_]
     station: NDArray[np.integer]
     number: NDArray[np.integer]
-
-    def take(self, rows: slice) -> Derivatives:
-        """Return those of some rows."""
-        return Derivatives(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def derivatives(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.functional import design, misclosure
-from velocal.arrays import Array
+from velocal.arrays import Array, joined_rows, rows_of
 from velocal.scanner.parameters import LaserParameters
 
 
@@ -51,19 +51,7 @@ class Observations:
 
     def take(self, rows: slice | NDArray[np.integer] | NDArray[np.bool_]) -> Observations:
         """Some of the observations."""
-        return Observations(
-            self.distance_m[rows],
-            self.phi[rows],
-            self.laser_id[rows],
-            self.normal[rows],
-            self.offset[rows],
-            self.plane_number[rows],
-            self.station_number[rows],
-        )
-
-    def of_laser(self, laser: int) -> Observations:
-        """Observations of one laser."""
-        return self.take(self.laser_id == laser)
+        return rows_of(self, rows)
 
     def misclosure(self, parameters: LaserParameters, scale: Array | None = None) -> Array:
         """Distance s along the beam of every observation, metres, shape (n,)."""
@@ -82,12 +70,9 @@ class Observations:
 
 def joined(stations: Sequence[Observations]) -> Observations:
     """Observations of several stations, to be adjusted together."""
-    return Observations(
-        np.concatenate([each.distance_m for each in stations]),
-        np.concatenate([each.phi for each in stations]),
-        np.concatenate([each.laser_id for each in stations]),
-        np.concatenate([each.normal for each in stations]),
-        np.concatenate([each.offset for each in stations]),
-        np.concatenate([each.plane_number for each in stations]),
-        np.concatenate([np.full(len(each.phi), i) for i, each in enumerate(stations)]),
+    return joined_rows(
+        [
+            replace(each, plane=each.plane_number, station=np.full(len(each.phi), number))
+            for number, each in enumerate(stations)
+        ]
     )

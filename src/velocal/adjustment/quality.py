@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtr
 
 from velocal.adjustment.linear import Step
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 #: A parameter is weakly determined where the data determine less than this share of it.
 DETERMINED = 0.5

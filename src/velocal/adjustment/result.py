@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from velocal.adjustment.functional import ADJUSTABLE, ADJUSTABLE_UNITS, split
+from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
 
-Array = NDArray[np.float64]
 #: Degrees of freedom at which Student's distribution is the normal one.
 _NORMAL = 1e9
 #: Columns of a table of covariances that name a pair of parameters; sources are the others.
@@ -38,14 +38,18 @@ class LaserQuality:
         Observations minus rank; without the rows that a robust solver has rejected.
     residual_std_m : float
         Standard deviation of the residuals, metres.
-    variance_factor, variance_factor_p : float
-        Variance factor, and the two-sided p-value of the test that it is 1.
+    variance_factor : float
+        Sum of squared residuals in units of their a-priori standard deviation, over the redundancy.
+    variance_factor_p : float
+        Two-sided p-value of the test of H0: variance factor is 1.
     condition : float
         Of the scaled design matrix.
     least_redundancy_number : float
         Smallest redundancy number of an observation.
     weakly_determined : tuple of str
-        Parameters of which the data determine less than half.
+        Parameters of which the data determine less than half. Solvers that truncate leave them at
+        the initial value with the standard deviation of the prior, except for their share in a
+        combination that is determined; `WithPrior` moves them as far as the data allow.
     iterations : int
         Linearisations used.
     converged : bool
@@ -69,8 +73,8 @@ class LaserQuality:
 
 
 @dataclass(frozen=True)
-class Adjustment:
-    """Corrections of one laser with their uncertainty and quality.
+class Adjustment(LaserQuality):
+    """Corrections of one laser with their uncertainty, and the attributes of `LaserQuality`.
 
     Attributes
     ----------
@@ -84,16 +88,8 @@ class Adjustment:
         ``repeatability``.
     dof : ndarray, shape (u,)
         Degrees of freedom of the variance of each parameter in the noise part.
-    rank : int
-        Number of combinations of parameters that the data determine.
-    weakly_determined : tuple of str
-        Parameters of which the data determine less than half. Solvers that truncate leave them at
-        the initial value with the standard deviation of the prior, except for their share in a
-        combination that is determined; `WithPrior` moves them as far as the data allow.
     non_estimable : tuple of str
         What is not determined, as combinations in units of the prior.
-    condition : float
-        Of the scaled design matrix.
     singular_values : ndarray
         Of the scaled design matrix.
     residuals : ndarray, shape (n,)
@@ -104,38 +100,17 @@ class Adjustment:
     variance : float
         Sum of squared residuals, with the weights of a robust solver, over the redundancy, square
         metres; NaN without redundancy.
-    variance_factor : float
-        The same with residuals in units of their a-priori standard deviation.
-    variance_factor_p : float
-        Two-sided p-value of the test of H0: variance factor is 1.
-    redundancy : int
-        n minus rank; n without the rows that a robust solver has rejected.
-    iterations : int
-        Linearisations used.
-    converged : bool
-        Whether the iteration converged.
-    message : str
-        What happened, in words.
     """
 
     names: tuple[str, ...]
     corrections: Array
     parts: Mapping[str, Array]
     dof: Array
-    rank: int
-    weakly_determined: tuple[str, ...]
     non_estimable: tuple[str, ...]
-    condition: float
     singular_values: Array
     residuals: Array
     redundancy_numbers: Array
     variance: float
-    variance_factor: float
-    variance_factor_p: float
-    redundancy: int
-    iterations: int
-    converged: bool
-    message: str
 
     @property
     def covariance(self) -> Array:
@@ -160,20 +135,7 @@ class Adjustment:
     @property
     def quality(self) -> LaserQuality:
         """Summary in numbers, without the arrays by observation."""
-        return LaserQuality(
-            count=len(self.residuals),
-            rank=self.rank,
-            redundancy=self.redundancy,
-            residual_std_m=float(np.sqrt(self.variance)),
-            variance_factor=self.variance_factor,
-            variance_factor_p=self.variance_factor_p,
-            condition=self.condition,
-            least_redundancy_number=float(min(self.redundancy_numbers, default=np.nan)),
-            weakly_determined=self.weakly_determined,
-            iterations=self.iterations,
-            converged=self.converged,
-            message=self.message,
-        )
+        return LaserQuality(*(getattr(self, each.name) for each in fields(LaserQuality)))
 
     def interval(self, level: float = 0.95) -> Array:
         """Half widths of confidence intervals, shape (u,).

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.linear import Step, System
 from velocal.adjustment.solvers import Solver
+from velocal.arrays import Array
 
-Array = NDArray[np.float64]
 #: The median absolute deviation of a normal distribution is its standard deviation over this.
 MAD_PER_STD = 1.4826
 

@@ -11,11 +11,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.linear import Step, System, across, decomposed, rotated
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 
 class Solver(Protocol):
@@ -100,19 +98,8 @@ def _alike(sigma_misclosure: Array) -> Array:
     return np.asarray(np.sqrt(squares / sigma_misclosure.shape[-1]))
 
 
-def _squares(system: System) -> float:
-    weighted = system.w / system.sigma_misclosure
-    return float(weighted @ weighted)
-
-
-@dataclass(frozen=True)
-class OrdinaryLeastSquares:
-    """All misclosures have the same weight; no prior; truncation at machine precision."""
-
-    def step(self, system: System, basis: Array | None = None) -> Step:
-        """Solve one linearised system; see `Solver.step`."""
-        ones = np.ones(system.w.shape)
-        return decomposed(system, ones, _column_scale(system.matrix), 0.0, basis)
+class _EqualWeights:
+    """Objective and reduction of a solver that gives all misclosures the same weight."""
 
     def objective(self, system: System) -> float:
         """Sum of squared misclosures."""
@@ -125,8 +112,31 @@ class OrdinaryLeastSquares:
         )
 
 
+class _Weighted:
+    """Objective and reduction of a solver with the a-priori weights of the misclosures."""
+
+    def objective(self, system: System) -> float:
+        """Weighted sum of squared misclosures."""
+        weighted = system.w / system.sigma_misclosure
+        return float(weighted @ weighted)
+
+    def reduced(self, system: System, *, keep: bool = False) -> System:
+        """See `Solver.reduced`."""
+        return rotated(system, 1.0 / system.sigma_misclosure, 1.0, keep=keep)
+
+
+@dataclass(frozen=True)
+class OrdinaryLeastSquares(_EqualWeights):
+    """All misclosures have the same weight; no prior; truncation at machine precision."""
+
+    def step(self, system: System, basis: Array | None = None) -> Step:
+        """Solve one linearised system; see `Solver.step`."""
+        ones = np.ones(system.w.shape)
+        return decomposed(system, ones, _column_scale(system.matrix), 0.0, basis)
+
+
 @dataclass(frozen=True, kw_only=True)
-class GaussHelmert:
+class GaussHelmert(_Weighted):
     """Adjustment A: conditional with unknowns, ``A delta + B r + w = 0``.
 
     The observations of a misclosure are its distance and its angle, and no other misclosure has
@@ -150,17 +160,9 @@ class GaussHelmert:
             scale, floor = system.prior_std, 1.0 / self.truncate_at
         return decomposed(system, 1.0 / system.sigma_misclosure, scale, floor, basis)
 
-    def objective(self, system: System) -> float:
-        """Weighted sum of squared misclosures."""
-        return _squares(system)
-
-    def reduced(self, system: System, *, keep: bool = False) -> System:
-        """See `Solver.reduced`."""
-        return rotated(system, 1.0 / system.sigma_misclosure, 1.0, keep=keep)
-
 
 @dataclass(frozen=True, kw_only=True)
-class PaperModel:
+class PaperModel(_EqualWeights):
     """Adjustment B, the paper's new model, in its fast form.
 
     The paper solves ``N = A P^-1 A'`` (n x n), ``k = -N^+ w``, ``delta = P^-1 A' k``. With
@@ -185,19 +187,9 @@ class PaperModel:
         ones = np.ones(system.w.shape)
         return decomposed(system, ones, system.prior_std, floor, basis)
 
-    def objective(self, system: System) -> float:
-        """Sum of squared misclosures."""
-        return float(system.w @ system.w)
-
-    def reduced(self, system: System, *, keep: bool = False) -> System:
-        """See `Solver.reduced`."""
-        return rotated(
-            system, np.ones(len(system.w)), float(_alike(system.sigma_misclosure)), keep=keep
-        )
-
 
 @dataclass(frozen=True)
-class WithPrior:
+class WithPrior(_Weighted):
     """Adjustment C: weighted, with the prior as observations of the corrections.
 
     ``delta = -(A' M A + P)^-1 A' M w`` with P the inverse prior variances. The rank is always
@@ -238,8 +230,4 @@ class WithPrior:
 
     def objective(self, system: System) -> float:
         """Weighted sum of squared misclosures and corrections."""
-        return _squares(system) + float(np.sum((system.shift / system.prior_std) ** 2))
-
-    def reduced(self, system: System, *, keep: bool = False) -> System:
-        """See `Solver.reduced`."""
-        return rotated(system, 1.0 / system.sigma_misclosure, 1.0, keep=keep)
+        return super().objective(system) + float(np.sum((system.shift / system.prior_std) ** 2))

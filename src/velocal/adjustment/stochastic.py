@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import VelocalError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from velocal.arrays import Array, joined_rows, rows_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Chunk:
     offsets: NDArray[np.int64]
     sizes: NDArray[np.int64]
     end: int
-    capture_time_s: NDArray[np.float64] | None = None
+    capture_time_s: Array | None = None
     sender: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
@@ -42,27 +44,11 @@ class Chunk:
 
     def select(self, rows: NDArray[np.generic] | slice) -> Chunk:
         """Select packets by a mask, by their numbers or by a slice."""
-        return Chunk(
-            self.payloads[rows],
-            self.offsets[rows],
-            self.sizes[rows],
-            self.end,
-            None if self.capture_time_s is None else self.capture_time_s[rows],
-            None if self.sender is None else self.sender[rows],
-        )
+        return rows_of(self, rows)
 
 
 def joined(parts: Sequence[Chunk]) -> Chunk:
     """Join chunks that follow one another in one file; there must be one at least."""
     if len(parts) == 1:
         return parts[0]
-    times = [part.capture_time_s for part in parts if part.capture_time_s is not None]
-    senders = [part.sender for part in parts if part.sender is not None]
-    return Chunk(
-        np.concatenate([part.payloads for part in parts]),
-        np.concatenate([part.offsets for part in parts]),
-        np.concatenate([part.sizes for part in parts]),
-        parts[-1].end,
-        np.concatenate(times) if times else None,
-        np.concatenate(senders) if senders else None,
-    )
+    return replace(joined_rows(parts), end=parts[-1].end)

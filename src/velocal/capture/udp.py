@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.capture.chunk import Chunk
 from velocal.capture.ledger import Ledger
 from velocal.packets.data import PAYLOAD_BYTES, check_payloads
@@ -62,7 +63,7 @@ class Frames:
     at: NDArray[np.int64]
     captured: NDArray[np.int64]
     original: NDArray[np.int64]
-    time_s: NDArray[np.float64]
+    time_s: Array
     link: NDArray[np.int64]
 
 

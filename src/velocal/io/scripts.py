@@ -165,9 +165,8 @@ def convert(value: Any, type_: Any, where: str) -> Any:
         known = [each for each in inner if each is not NoneType]
         if len(known) != 1:
             raise ScriptError(f"{type_} states more than one type", where=where)
-        some = known[0]
-        empty = value is None or (not isinstance(value, (str, Mapping)) and _is_empty(value))
-        return None if empty else convert(value, some, where)
+        no_file = isinstance(value, Sequence) and not isinstance(value, str) and not value
+        return None if value is None or no_file else convert(value, known[0], where)
     if (origin or type_) in (list, tuple, Sequence):
         # Snakemake gives one file alone as itself.
         items = [value] if isinstance(value, str) else value
@@ -191,10 +190,6 @@ def convert(value: Any, type_: Any, where: str) -> Any:
         except ValueError as error:
             raise ScriptError(str(error), where=where) from None
     return _scalar(value, type_, where)
-
-
-def _is_empty(value: Any) -> bool:
-    return isinstance(value, Sequence) and not value
 
 
 def _scalar(value: Any, type_: Any, where: str) -> Any:

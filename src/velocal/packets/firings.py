@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import rows_of
 from velocal.packets.data import BLOCKS, flags_and_azimuths, median_azimuth_step, view
 from velocal.packets.dual import (
     LAST,
@@ -61,7 +62,7 @@ class Firings:
         return self.first_laser[:, None] + columns
 
     def __getitem__(self, rows: NDArray[np.generic]) -> Firings:
-        return Firings(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return rows_of(self, rows)
 
 
 def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both") -> Firings:

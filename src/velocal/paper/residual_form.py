@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.linear import Step, System
 from velocal.adjustment.solvers import PaperModel
-
-Array = NDArray[np.float64]
+from velocal.arrays import Array
 
 
 def beta(phi: Array, alpha: Array, omega: Array) -> Array:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import replace
 from functools import reduce
 from operator import getitem
 from typing import Any
@@ -18,6 +17,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from velocal.arrays import Array
+from velocal.errors import ConfigError
 from velocal.paper.printed import CONTRADICTIONS
 from velocal.paper.replicate import agreement, spread
 from velocal.simulation.world import load
@@ -60,9 +60,14 @@ def misfit(content: Mapping[str, Any], study: Study, seeds: Sequence[int], rotat
     Returns
     -------
     ndarray, shape (cells,)
+        One infinite number if the world does not allow the constants, as a negative standard
+        deviation: then the solver takes a shorter step.
     """
-    world = load(content)
-    cells = spread({s: agreement(replace(world, seed=s), study, rotations) for s in seeds})
+    try:
+        worlds = {s: load(with_values(content, {"seed": s})) for s in seeds}
+    except ConfigError:
+        return np.array([np.inf])
+    cells = spread({s: agreement(world, study, rotations) for s, world in worlds.items()})
     cells = cells[~cells["item"].isin(list(CONTRADICTIONS))]
     return np.asarray(cells["difference"] / cells["tolerance"], dtype=np.float64)
 

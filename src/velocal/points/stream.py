@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import Array
+from velocal.arrays import Array, joined_rows
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, view
@@ -31,7 +31,7 @@ from velocal.packets.dual import check_choice
 from velocal.packets.firings import Firings, decode
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
-from velocal.recording.returns import Returns, returns_of
+from velocal.recording.returns import returns_of
 from velocal.recording.windows import read_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
@@ -405,6 +405,6 @@ def raw_returns(
         returns=settings.returns, source=settings.source,
     )  # fmt: skip
     rate_hz = rotation_rate_hz(inspection, rotations)
-    beams = replace(Returns.concatenate(list(parts)), rotation_rate_hz=rate_hz).beams()
+    beams = replace(joined_rows(list(parts)), rotation_rate_hz=rate_hz).beams()
     range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
     return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

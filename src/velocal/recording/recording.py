@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import joined_rows
 from velocal.capture.ledger import Ledger
 from velocal.capture.reading import Progress, open_capture
 from velocal.capture.source import SourceFilter
@@ -188,7 +189,7 @@ class Recording:
         ConfigError
             If rotations or `which` are unknown, see `select`.
         """
-        return Returns.concatenate(list(self.stream_returns(rotations, length=length, which=which)))
+        return joined_rows(list(self.stream_returns(rotations, length=length, which=which)))
 
     def medians(
         self,

@@ -7,14 +7,15 @@ or both follow as they came.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import columns_of, rows_of
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.io import schemas, storage
 from velocal.packets.dual import check_choice
@@ -69,8 +70,7 @@ class Returns:
         return len(self.laser_id)
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Returns:
-        chosen: dict[str, Any] = {name: values[rows] for name, values in self._arrays().items()}
-        return replace(self, **chosen)
+        return rows_of(self, rows)
 
     @property
     def seen(self) -> Returns:
@@ -127,22 +127,7 @@ class Returns:
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Columns of `schemas.RETURNS`."""
-        arrays = self._arrays()
-        return {_COLUMN.get(name, name): values for name, values in arrays.items()}
-
-    @classmethod
-    def concatenate(cls, parts: Sequence[Returns]) -> Returns:
-        """Join returns of one recording; there must be one part at least."""
-        arrays = [part._arrays() for part in parts]
-        joined: dict[str, Any] = {
-            name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]
-        }
-        return replace(parts[0], **joined)
-
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        """Arrays by their name in this class."""
-        names = [f.name for f in fields(self) if f.name not in ("scanner", "rotation_rate_hz")]
-        return {name: getattr(self, name) for name in names}
+        return {_COLUMN.get(name, name): values for name, values in columns_of(self).items()}
 
 
 #: Columns of `schemas.RETURNS` whose name cannot be that of an attribute.

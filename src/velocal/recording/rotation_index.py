@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
+
 
 @dataclass(frozen=True)
 class RotationIndex:
@@ -37,7 +39,7 @@ class RotationIndex:
     offset: NDArray[np.int64]
     block: NDArray[np.int8]
     packet: NDArray[np.int64]
-    time_s: NDArray[np.float64]
+    time_s: Array
     complete: NDArray[np.bool_]
     seekable: bool = True
 

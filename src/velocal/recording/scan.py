@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.capture.chunk import Chunk, joined
 from velocal.capture.ledger import Ledger
 from velocal.capture.reading import Progress, open_capture
@@ -95,7 +96,7 @@ class _Packets:
 
     first: int
     offset: NDArray[np.int64]
-    time_s: NDArray[np.float64]
+    time_s: Array
     flag: NDArray[np.uint16]
     azimuth: NDArray[np.uint16]
     status: NDArray[np.uint8]

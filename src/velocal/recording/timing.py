@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.capture import order
 from velocal.packets.data import BLOCKS
 from velocal.scanner.models import AZIMUTH_TICKS
@@ -32,9 +33,7 @@ class Clock:
         self._hours = 0
         self._last_stamp = 0
 
-    def times(
-        self, stamps: NDArray[np.uint32], captured_s: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
+    def times(self, stamps: NDArray[np.uint32], captured_s: Array | None) -> Array:
         """Times of consecutive packets.
 
         Parameters
@@ -61,7 +60,7 @@ class Clock:
             return captured_s - self._epoch_s
         return np.full(len(stamps), np.nan)
 
-    def _start(self, stamps: NDArray[np.uint32], captured_s: NDArray[np.float64] | None) -> None:
+    def _start(self, stamps: NDArray[np.uint32], captured_s: Array | None) -> None:
         """Decide for a clock, by the first packets."""
         self._started = True
         if order.has_device_clock(stamps):
@@ -92,7 +91,7 @@ class Gaps:
         #: Median interval of a chunk, and the number of intervals in it.
         self._medians: list[tuple[float, int]] = []
 
-    def consume(self, time_s: NDArray[np.float64], azimuth: NDArray[np.int32], clock: str) -> None:
+    def consume(self, time_s: Array, azimuth: NDArray[np.int32], clock: str) -> None:
         """Look at consecutive packets.
 
         Parameters

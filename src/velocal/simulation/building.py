@@ -6,21 +6,19 @@ floor. All faces are plane, so that the thickness of a mapped wall is the scanne
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.simulation.scene import Scene, Surface
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World, true_pose
+from velocal.study.world import BuildingBox
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: Largest distance of the origin of a beam from the origin of the scanner, metres.
 _REACH_M = 0.2
@@ -51,40 +49,24 @@ class Face(Surface):
         return length
 
 
-def described(world: World) -> Mapping[str, Any]:
-    """The building of the world file.
-
-    Raises
-    ------
-    ConfigError
-        If the world file describes no building.
-    """
-    if world.building is None:
-        raise ConfigError(
-            "the simulated world has no building", hint="Describe it under `building:`."
-        )
-    return world.building
-
-
 def surfaces(world: World) -> dict[str, Surface]:
     """Build floor, ceiling, and the faces of all boxes and openings."""
-    building = described(world)
-    height = building["height_m"]
-    size = (*building["size_m"],)
+    building = world.mapped_building()
+    height, size = building.height_m, building.size_m
     ex, ey, ez = np.eye(3)
     found: dict[str, Surface] = {
         "floor": Face("floor", np.zeros(3), ex, ey, ez, size),
         "ceiling": Face("ceiling", height * ez, ex, ey, -ez, size),
     }
-    for name, box in building["boxes"].items():
+    for name, box in building.boxes.items():
         for face in _faces(name, box, height):
             found[face.name] = face
     return found
 
 
-def _faces(name: str, box: Mapping[str, Any], height: float) -> Iterator[Face]:
+def _faces(name: str, box: BuildingBox, height: float) -> Iterator[Face]:
     """Four sides of a box, and the reveals of its openings."""
-    low, high = (np.array([box["x_m"][end], box["y_m"][end]]) for end in (0, 1))
+    low, high = np.array([box.x_m, box.y_m]).T
     extent = high - low
     along = int(np.argmax(extent))  # axis of the longer side
     across = 1 - along
@@ -92,7 +74,7 @@ def _faces(name: str, box: Mapping[str, Any], height: float) -> Iterator[Face]:
     length, thickness = extent[along], extent[across]
     openings = [
         (start - low[along], stop - low[along], bottom, top)
-        for start, stop, bottom, top in box.get("openings_m", ())
+        for start, stop, bottom, top in box.openings_m
     ]
     corner = np.append(low, 0.0)
     up = axes[2]
@@ -129,21 +111,21 @@ def scene(world: World, position: str) -> Scene:
     ConfigError
         If the building has no such position.
     """
-    building = described(world)
-    if position not in building["positions"]:
+    building = world.mapped_building()
+    if position not in building.positions:
         raise ConfigError(
-            f"the building has no position {position!r}", allowed=", ".join(building["positions"])
+            f"the building has no position {position!r}", allowed=", ".join(building.positions)
         )
-    pose = true_pose(building["positions"][position])
+    pose = true_pose(building.positions[position])
     # A face is seen from its own side only. The other faces are left out to save time.
     seen = {
         name: face
         for name, face in surfaces(world).items()
         if (pose.translation - face.corner) @ face.normal > -_REACH_M
     }
-    intensity = building["reflectance"]
-    reflectance = [intensity["floor" if name == "floor" else "walls"] for name in seen]
-    errors = position_errors(world, building["scanner"], position)
+    intensity = building.reflectance
+    reflectance = [intensity.floor if name == "floor" else intensity.walls for name in seen]
+    errors = position_errors(world, building.scanner, position)
     return Scene(seen, np.array(reflectance, dtype=float), pose, errors)
 
 
@@ -153,10 +135,10 @@ def base_targets(world: World) -> list[Targets]:
     No network is observed in the building: the coordinates have independent errors of
     `base_std_mm`, which is about the accuracy at the positions of the test field.
     """
-    building = described(world)
-    true, std = base_targets_true(world, building["scanner"]), building["base_std_mm"] * 1e-3
+    building = world.mapped_building()
+    true, std = base_targets_true(world, building.scanner), building.base_std_mm * 1e-3
     found = []
-    for position, where in building["positions"].items():
+    for position, where in building.positions.items():
         error = world.rng("base", position).normal(0.0, std, true.xyz.shape)
         xyz = true_pose(where).apply(true.xyz) + error
         found.append(Targets(true.name, (position,) * len(xyz), xyz, np.full(xyz.shape, std)))

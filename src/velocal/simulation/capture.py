@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.packets.data import BLOCKS, CHANNELS, PAYLOAD_BYTES, encode
 from velocal.packets.status import TABLE_PACKETS
 from velocal.scanner.beam import laser_beams
@@ -21,7 +22,8 @@ from velocal.scanner.models import (
 from velocal.simulation.scene import Scene, cast, site_scene
 from velocal.simulation.status import encode_table, status_bytes, table_packets
 from velocal.simulation.truth import drift, factory_parameters, unit_truth
-from velocal.simulation.world import ScannerWorld, World
+from velocal.simulation.world import World
+from velocal.study.world import ScannerUnit
 
 CHUNK_PACKETS = 2048
 _HOUR_US = 3_600_000_000
@@ -108,7 +110,6 @@ def records(
     position: str | Scene,
     sample: str,
     rotations: int,
-    progress: Callable[[int, int], None] | None = None,
     shots: Shots | None = None,
 ) -> Iterator[bytes]:
     """Simulate the recording of a sample.
@@ -122,8 +123,6 @@ def records(
         Position at the surveyed site, or another scene.
     rotations : int
         Least number of complete rotations in the recording.
-    progress : callable, optional
-        Called with packets done and packets in all.
     shots : Shots, optional
         Of the position; they are cast if omitted.
 
@@ -145,7 +144,7 @@ def records(
     trailing = _trailing(world, scanner, sample)
     within_packet = np.arange(firings_per_packet) * (packet_interval / firings_per_packet)
 
-    def fired(number: NDArray[np.int64]) -> NDArray[np.float64]:
+    def fired(number: NDArray[np.int64]) -> Array:
         return np.asarray((number[:, None] * packet_interval + within_packet).ravel())
 
     if shots is None:
@@ -175,13 +174,11 @@ def records(
         status = trailing(number, time / (packets * packet_interval), stamp)
         stamp %= _HOUR_US
         yield _packed(scanner, azimuth, distance, intensity, stamp, status, header)
-        if progress is not None:
-            progress(int(number[-1]) + 1, packets)
 
 
 def _trailing(
     world: World, scanner: Scanner, sample: str
-) -> Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.uint8]]:
+) -> Callable[[NDArray[np.int64], Array, NDArray[np.int64]], NDArray[np.uint8]]:
     """Function that gives the last two bytes of packets, shape (n, 2).
 
     Its arguments are the numbers of the packets, their times as shares of the recording, and their
@@ -195,24 +192,24 @@ def _trailing(
     # The recording begins anywhere in the table.
     first = int(world.rng("status", scanner.name, sample).integers(TABLE_PACKETS))
     return lambda number, share, time_us: status_bytes(
-        packets, first + number, time_us, STEADY_DEG_C + world.warmth.temperature_k(sample, share)
+        packets, first + number, time_us, STEADY_DEG_C + world.temperature_k(sample, share)
     )
 
 
-def _ticks(angle_deg: NDArray[np.float64], step: int = 1) -> NDArray[np.int64]:
+def _ticks(angle_deg: Array, step: int = 1) -> NDArray[np.int64]:
     """Raw azimuth of angles, a multiple of `step`."""
     turns = np.rint(angle_deg / (AZIMUTH_TICK_DEG * step)).astype(np.int64) * step
     return np.asarray(turns % AZIMUTH_TICKS)
 
 
-def _turned(time: NDArray[np.float64], unit: ScannerWorld) -> NDArray[np.float64]:
+def _turned(time: Array, unit: ScannerUnit) -> Array:
     """Degrees turned since the start; the rate swings slowly, period 7 s."""
     swing = 2.0 * np.pi / 7.0
     wobble = unit.rotation_rate_variation * (1.0 - np.cos(swing * time)) / swing
     return 360.0 * unit.rotation_rate_hz * (time + wobble)
 
 
-def _between(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float32]:
+def _between(nodes: Array, at: Array) -> NDArray[np.float32]:
     """Linear interpolation of rows of `nodes`, evenly spaced from 0 to 1; shape (len(at), n)."""
     place = np.clip(at, 0.0, 1.0) * (len(nodes) - 1)
     left = np.minimum(place.astype(np.int64), len(nodes) - 2)
@@ -225,7 +222,7 @@ def _measure(
     ideal: NDArray[np.float32],
     shift: NDArray[np.float32],
     noise_ticks: NDArray[np.float32],
-    unit: ScannerWorld,
+    unit: ScannerUnit,
     tick_m: float,
 ) -> NDArray[np.uint16]:
     """Add drift, noise, outliers and lost shots, and round to ticks."""

@@ -16,10 +16,9 @@ from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.solvers import Solver
 from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import Array
 from velocal.simulation.draws import Draw, Geometry, exact
-from velocal.simulation.world import ErrorModel
-
-Array = NDArray[np.float64]
+from velocal.study.world import Errors
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def observable_only(at: Geometry, stochastic: Stochastic, names: Sequence[str]) 
     return replace(at, phi=at.phi[kept], laser_id=at.laser_id[kept], plane=at.plane[kept])
 
 
-def of_unit(stochastic: Stochastic, errors: ErrorModel) -> Stochastic:
+def of_unit(stochastic: Stochastic, errors: Errors) -> Stochastic:
     """Stochastic model with the range scale and the repeatability of a simulated unit."""
     steady = (
         errors.shift_cm, errors.drift_laser_cm, errors.drift_common_cm, errors.drift_window_cm,

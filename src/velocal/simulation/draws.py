@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
+from velocal.arrays import Array
 from velocal.geometry.planes import Plane
 from velocal.geometry.rigid import RigidTransformation
 from velocal.scanner.beam import laser_beams
@@ -22,12 +23,11 @@ from velocal.scanner.parameters import LaserParameters
 from velocal.simulation.scene import Surface, cast, site_surfaces
 from velocal.simulation.survey import base_targets_true, field_book, true_targets
 from velocal.simulation.truth import factory_parameters
-from velocal.simulation.world import ErrorModel, World
+from velocal.simulation.world import World
+from velocal.study.world import Errors
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
-
-Array = NDArray[np.float64]
 
 #: Surveyed planes, in the order of the numbers of `Geometry.plane`.
 PLANES = ("short_wall", "long_wall", "floor")
@@ -60,7 +60,7 @@ class Geometry:
     plane: NDArray[np.int64]
 
     @property
-    def errors(self) -> ErrorModel:
+    def errors(self) -> Errors:
         """Error model of the unit."""
         return self.world.scanner(self.scanner).errors
 
@@ -201,10 +201,13 @@ def full_draws(
     """
     errors, n_lasers = at.errors, len(at.factory)
     factors = _pattern_factors(at)
-    worlds = [replace(at.world, seed=int(s)) for s in _rng(seed, 0, 1).integers(2**31, size=scenes)]
+    worlds = [
+        at.world.model_copy(update={"seed": int(s)})
+        for s in _rng(seed, 0, 1).integers(2**31, size=scenes)
+    ]
     sites = [site_surfaces(world) for world in worlds]
     reliefs = [[site[name] for name in PLANES] for site in sites]
-    targets = [true_targets(world, world.site["targets"], "targets").xyz for world in worlds]
+    targets = [true_targets(world, world.site.targets, "targets").xyz for world in worlds]
     design = _design(at)
     for run in range(runs):
         rng = _rng(seed, run, 2)

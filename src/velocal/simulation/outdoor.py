@@ -6,21 +6,20 @@ the third scene of the kind real. Fog and people are no surfaces: they change si
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.errors import ConfigError
+from velocal.arrays import Array
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.scene import Scene, Surface, draw_relief
 from velocal.simulation.truth import UnitTruth, position_errors, unit_truth
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
+from velocal.study.world import OutdoorWorld, PanelWorld, People
 
 #: Half the width of the simulated square of ground, metres.
 GROUND_M = 150.0
@@ -127,16 +126,6 @@ class Air:
             ticks[rows, laser] = np.fmin(ticks[rows, laser], raw / self.tick_m)
 
 
-def scenes(world: World) -> dict[str, float]:
-    """Distance of the panels in metres, by name of the scene."""
-    kinds: Mapping[str, Any] = (world.outdoor or {}).get("kinds", {})
-    return {
-        f"{kind}{number}": float(distance_m)
-        for kind, content in kinds.items()
-        for number, distance_m in enumerate(content["distances_m"], start=1)
-    }
-
-
 def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> Scene:
     """Build a scene around a scanner.
 
@@ -154,35 +143,27 @@ def outdoor_scene(world: World, scanner: str, name: str, duration_s: float) -> S
     ConfigError
         If the world has no such scene.
     """
-    known = scenes(world)
-    if name not in known or world.outdoor is None:
-        raise ConfigError(
-            f"no scene {name!r} in the simulated world",
-            allowed=", ".join(known) or "no scene: the world has no `outdoor`",
-            hint="Name another scene, or add a distance to its kind under `outdoor: kinds`.",
-        )
-    outdoor, distance_m = world.outdoor, known[name]
-    kind = outdoor["kinds"][name.rstrip("0123456789")]
+    kind, distance_m = world.scene(name)
+    outdoor = cast(OutdoorWorld, world.outdoor)
     rng = world.rng("outdoor", scanner, name)
-    tilt = np.deg2rad([*rng.normal(0.0, outdoor["tilt_deg"], 2), 0.0])
-    turn = np.array([0.0, 0.0, np.deg2rad(outdoor["azimuth_deg"])])
+    tilt = np.deg2rad([*rng.normal(0.0, outdoor.tilt_deg, 2), 0.0])
+    turn = np.array([0.0, 0.0, np.deg2rad(outdoor.azimuth_deg)])
     pose = RigidTransformation(
         rotation_from_vector(tilt) @ rotation_from_vector(turn),
-        np.array([0.0, 0.0, outdoor["base_height_m"]]),
+        np.array([0.0, 0.0, outdoor.base_height_m]),
         np.zeros((6, 6)),
     )
-    surfaces = {"ground": _ground(), **_panels(world, name, distance_m)}
-    people = _people(rng, kind["people"], outdoor, distance_m, duration_s)
-    fog = kind["fog"]
+    surfaces = {"ground": _ground(), **_panels(world, outdoor.panel, name, distance_m)}
+    people = _people(rng, kind.people, outdoor, distance_m, duration_s)
     air = Air(
         truth=unit_truth(world, scanner),
         tick_m=SCANNERS[scanner].distance_tick_m,
         people=people,
-        lost_per_m=fog["lost_per_m"],
-        early_per_m=fog["early_per_m"],
-        noise=fog["noise"],
+        lost_per_m=kind.fog.lost_per_m,
+        early_per_m=kind.fog.early_per_m,
+        noise=kind.fog.noise,
     )
-    errors = outdoor["position_share"] * position_errors(world, scanner, name)
+    errors = outdoor.position_share * position_errors(world, scanner, name)
     return Scene(surfaces, np.array(REFLECTANCE), pose, errors, air)
 
 
@@ -192,19 +173,17 @@ def _ground() -> Surface:
     return Surface("ground", corner, ex, ey, ez, (2.0 * GROUND_M, 2.0 * GROUND_M))
 
 
-def _panels(world: World, name: str, distance_m: float) -> dict[str, Surface]:
+def _panels(world: World, panel: PanelWorld, name: str, distance_m: float) -> dict[str, Surface]:
     """Two upright panels side by side, each turned by a small angle; the same for every scanner."""
-    outdoor = world.outdoor or {}
-    panel: Mapping[str, Any] = outdoor["panel"]
-    width, height, gap = panel["width_m"], panel["height_m"], panel["gap_m"]
+    width, height, gap = panel.width_m, panel.height_m, panel.gap_m
     up = np.array([0.0, 0.0, 1.0])
     panels = {}
     for side, sign in (("left", -1.0), ("right", 1.0)):
         rng = world.rng("panel", name, side)
-        turned = rng.normal(0.0, np.deg2rad(panel["turned_deg"]))
+        turned = rng.normal(0.0, np.deg2rad(panel.turned_deg))
         across = np.array([np.cos(turned), np.sin(turned), 0.0])
-        middle = np.array([sign * 0.5 * (width + gap), distance_m, panel["bottom_m"]])
-        relief = draw_relief(rng, (width, height), panel["flatness"])
+        middle = np.array([sign * 0.5 * (width + gap), distance_m, panel.bottom_m])
+        relief = draw_relief(rng, (width, height), panel.flatness)
         normal = np.cross(up, across) * -1.0
         panels[side] = Surface(
             side, middle - 0.5 * width * across, across, up, normal, (width, height), relief
@@ -214,27 +193,27 @@ def _panels(world: World, name: str, distance_m: float) -> dict[str, Surface]:
 
 def _people(
     rng: np.random.Generator,
-    constants: Mapping[str, float],
-    outdoor: Mapping[str, Any],
+    constants: People,
+    outdoor: OutdoorWorld,
     distance_m: float,
     duration_s: float,
 ) -> list[Person]:
     """People who cross the way to the panels at some time of the recording."""
-    azimuth = np.deg2rad(outdoor["azimuth_deg"])
+    azimuth = np.deg2rad(outdoor.azimuth_deg)
     ahead = np.array([np.sin(azimuth), np.cos(azimuth)])
     aside = np.array([ahead[1], -ahead[0]])
     people = []
-    for _ in range(int(constants["count"])):
+    for _ in range(constants.count):
         place = rng.uniform(0.2, 0.9) * distance_m * ahead
-        velocity = constants["speed_m_s"] * rng.choice([-1.0, 1.0]) * aside
+        velocity = constants.speed_m_s * rng.choice([-1.0, 1.0]) * aside
         crossing = rng.uniform(0.0, duration_s)
         people.append(
             Person(
                 place - crossing * velocity,
                 velocity,
-                constants["radius_m"],
-                -outdoor["base_height_m"],
-                constants["height_m"] - outdoor["base_height_m"],
+                constants.radius_m,
+                -outdoor.base_height_m,
+                constants.height_m - outdoor.base_height_m,
             )
         )
     return people

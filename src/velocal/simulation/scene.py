@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.geometry.rigid import RigidTransformation
 from velocal.simulation.truth import position_errors
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
+from velocal.study.world import Flatness
 
 
 @dataclass(frozen=True)
@@ -138,9 +137,7 @@ class Scene:
     between: Between | None = None
 
 
-def draw_relief(
-    rng: np.random.Generator, size: tuple[float, float], flatness: Mapping[str, float]
-) -> Relief:
+def draw_relief(rng: np.random.Generator, size: tuple[float, float], flatness: Flatness) -> Relief:
     """Draw a relief whose mean and largest absolute deviation are as printed.
 
     Both are deviations from the plane that fits best, as a surveyor finds them. Waves are drawn
@@ -151,10 +148,9 @@ def draw_relief(
     rng : Generator
     size : tuple of float
         Extent of the surface, metres.
-    flatness : mapping of str to float
-        ``mean_mm`` and ``max_mm``.
+    flatness : Flatness
     """
-    mean_m, max_m = flatness["mean_mm"] * 1e-3, flatness["max_mm"] * 1e-3
+    mean_m, max_m = flatness.mean_mm * 1e-3, flatness.max_mm * 1e-3
     wanted = 0.95 * max_m / mean_m if mean_m else np.inf
     drawn, least = np.zeros((0, 4)), np.inf
     for _ in range(100):
@@ -199,22 +195,22 @@ def _about_plane(
 
 def site_surfaces(world: World) -> dict[str, Surface]:
     """Build the surveyed surfaces and the room behind them, in the site frame."""
-    site: Mapping[str, Any] = world.site
+    site = world.site
     ex, ey, ez = np.eye(3)
-    height = site["wall_height_m"]
+    height = site.wall_height_m
 
     def surveyed(
         name: str, across: Array, up: Array, normal: Array, size: tuple[float, float]
     ) -> Surface:
-        relief = draw_relief(world.rng("relief", name), size, site["flatness"][name])
+        relief = draw_relief(world.rng("relief", name), size, getattr(site.flatness, name))
         return Surface(name, np.zeros(3), across, up, normal, size, relief)
 
     surfaces = [
-        surveyed("short_wall", ey, ez, ex, (site["short_wall_m"], height)),
-        surveyed("long_wall", ex, ez, ey, (site["long_wall_m"], height)),
-        surveyed("floor", ex, ey, ez, tuple(site["floor_m"])),
+        surveyed("short_wall", ey, ez, ex, (site.short_wall_m, height)),
+        surveyed("long_wall", ex, ez, ey, (site.long_wall_m, height)),
+        surveyed("floor", ex, ey, ez, site.floor_m),
     ]
-    (x0, x1), (y0, y1), top = site["room_x_m"], site["room_y_m"], site["room_height_m"]
+    (x0, x1), (y0, y1), top = site.room_x_m, site.room_y_m, site.room_height_m
     corner = np.array([x0, y0, 0.0])
     wide, deep = x1 - x0, y1 - y0
     surfaces += [

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.calibration.files import document as lasers
 from velocal.errors import CalibrationFileError
 from velocal.packets.status import (
@@ -109,7 +110,7 @@ def status_bytes(
     packets: NDArray[np.uint8],
     number: NDArray[np.int64],
     time_us: NDArray[np.int64],
-    temperature_deg_c: NDArray[np.float64],
+    temperature_deg_c: Array,
 ) -> NDArray[np.uint8]:
     """Status type and value of packets, shape (n, 2).
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.simulation.scene import Surface, site_surfaces
 from velocal.simulation.world import World
+from velocal.study.world import ControlCounts, TargetCounts
 from velocal.survey.network.field_book import FieldBook
 from velocal.survey.network.model import (
     ControlPoints,
@@ -21,7 +21,6 @@ from velocal.survey.network.model import (
 )
 from velocal.survey.targets import Targets
 
-Array = NDArray[np.float64]
 #: Least distance of a target from the edge of a surface, metres.
 _EDGE_M = 0.05
 _ARCSEC = np.pi / 648e3
@@ -45,13 +44,13 @@ class TrueTargets:
     normal: Array
 
 
-def true_targets(world: World, counts: Mapping[str, int], rng_name: str) -> TrueTargets:
+def true_targets(world: World, counts: TargetCounts | ControlCounts, rng_name: str) -> TrueTargets:
     """Targets on the true surfaces, on a grid with random shifts that reaches to the edges.
 
     Parameters
     ----------
     world : World
-    counts : mapping of str to int
+    counts : TargetCounts or ControlCounts
         Number of targets on every surface.
     rng_name : str
         Name of the random numbers; its first letter stands in the names of the targets.
@@ -59,11 +58,11 @@ def true_targets(world: World, counts: Mapping[str, int], rng_name: str) -> True
     surfaces = site_surfaces(world)
     names: list[str] = []
     xyz = []
-    for name, count in counts.items():
+    for name, count in counts:
         rng = world.rng(rng_name, name)
         xyz.append(_scattered(surfaces[name], count, rng))
         names += [f"{name}_{rng_name[0]}{i + 1:03d}" for i in range(count)]
-    surface = [name for name, count in counts.items() for _ in range(count)]
+    surface = [name for name, count in counts for _ in range(count)]
     normal = np.array([surfaces[name].normal for name in surface])
     return TrueTargets(tuple(names), tuple(surface), np.concatenate(xyz), normal)
 
@@ -83,9 +82,9 @@ def _scattered(surface: Surface, count: int, rng: np.random.Generator) -> Array:
 
 def base_targets_true(world: World, scanner: str) -> Targets:
     """Targets on a scanner's base at their true places, in the scanner frame."""
-    layout: Mapping[str, Any] = world.scanner(scanner).base_targets
-    radius, count = layout["radius_m"], layout["count"]
-    if layout["layout"] == "two_sides":
+    targets = world.scanner(scanner).base_targets
+    radius, count = targets.radius_m, targets.count
+    if targets.layout == "two_sides":
         along = np.linspace(-0.2, 0.2, count // 2)
         sides = [
             np.column_stack([np.full(len(along), x), along, 0.03 * np.arange(len(along))])
@@ -109,16 +108,16 @@ def field_book(world: World, *, noise: bool = True) -> FieldBook:
         If false, the observations are exact, and their standard deviations are the same.
     """
     survey = world.survey
-    control = true_targets(world, survey["control"], "control")
-    targets = true_targets(world, world.site["targets"], "targets")
-    pointing = survey["total_station"]["pointing_mm"]
+    control = true_targets(world, survey.control, "control")
+    targets = true_targets(world, world.site.targets, "targets")
+    pointing = survey.total_station.pointing_mm
     network = [
         _polar(world, f"S{number + 1}", place, [(control.name, control.xyz, pointing, True)], noise)
-        for number, place in enumerate(survey["stations"])
+        for number, place in enumerate(survey.stations)
     ]
     bases = {}
-    for position, setups in survey["setups"].items():
-        scanner = world.positions[position]["scanner"]
+    for position, setups in survey.setups.items():
+        scanner = world.positions[position].scanner
         true = base_targets_true(world, scanner)
         base = world.pose(position).apply(true.xyz)
         fine = world.scanner(scanner).base_pointing_mm
@@ -126,7 +125,7 @@ def field_book(world: World, *, noise: bool = True) -> FieldBook:
         bases[position] = PolarObservations.joined(
             [_polar(world, f"{position}_{i + 1}", at, what, noise) for i, at in enumerate(setups)]
         )
-    sketch = survey["sketch_mm"] * 1e-3
+    sketch = survey.sketch_mm * 1e-3
     return FieldBook(
         control=ControlPoints(control.name, sketch * np.round(control.xyz / sketch) + 0.0),
         planes=dict(zip(targets.name, targets.surface, strict=True)),
@@ -158,7 +157,7 @@ def _polar(
         whether distances are measured.
     noise : bool
     """
-    instrument: Mapping[str, float] = world.survey["total_station"]
+    instrument = world.survey.total_station
     rng = world.rng("sights", setup)
     zero = rng.uniform(-np.pi, np.pi)
     values, stds = [], []
@@ -166,8 +165,8 @@ def _polar(
         value, _, _ = polar_equations(xyz, np.tile([*place, zero], (len(xyz), 1)))
         length = value[:, 2]
         # The distances are short: the error of pointing at the target exceeds that of the circle.
-        angle = np.hypot(instrument["angle_arcsec"] * _ARCSEC, pointing_mm * 1e-3 / length)
-        distance = instrument["distance_mm"] * 1e-3 + instrument["distance_ppm"] * 1e-6 * length
+        angle = np.hypot(instrument.angle_arcsec * _ARCSEC, pointing_mm * 1e-3 / length)
+        distance = instrument.distance_mm * 1e-3 + instrument.distance_ppm * 1e-6 * length
         # The same lateral error changes the direction by more if the line of sight is steep.
         std = np.column_stack([angle / np.sin(value[:, 1]), angle, distance])
         if not with_distance:
@@ -183,15 +182,15 @@ def _images(
     world: World, control: TrueTargets, targets: TrueTargets, noise: bool
 ) -> ImageObservations:
     """Image coordinates of every target that a camera sees at no too large incidence."""
-    camera: Mapping[str, Any] = world.survey["camera"]
-    principal = camera["principal_distance_mm"]
-    half = np.array(camera["sensor_mm"]) / (2.0 * principal)
+    camera = world.survey.camera
+    principal = camera.principal_distance_mm
+    half = np.array(camera.sensor_mm) / (2.0 * principal)
     xyz = np.concatenate([control.xyz, targets.xyz])
     normal = np.concatenate([control.normal, targets.normal])
     names = np.array([*control.name, *targets.name])
-    std = camera["image_um"] * 1e-3 / principal
+    std = camera.image_um * 1e-3 / principal
     parts = []
-    for number, (x, y, z, *looks_at) in enumerate(world.survey["images"]):
+    for number, (x, y, z, *looks_at) in enumerate(world.survey.images):
         image, place = f"I{number + 1:02d}", np.array([x, y, z])
         forward = np.array(looks_at) - place
         forward /= np.linalg.norm(forward)
@@ -200,7 +199,7 @@ def _images(
         rotation = np.stack([right, np.cross(forward, right), forward])
         ray = xyz - place
         steep = -np.sum(ray * normal, axis=1) / np.linalg.norm(ray, axis=1)
-        seen = (ray @ forward > 0.0) & (steep > np.cos(np.deg2rad(camera["incidence_deg"])))
+        seen = (ray @ forward > 0.0) & (steep > np.cos(np.deg2rad(camera.incidence_deg)))
         value, _, _ = image_equations(
             xyz, np.tile(place, (len(xyz), 1)), np.tile(rotation, (len(xyz), 1, 1))
         )
@@ -218,8 +217,8 @@ def _repeated(world: World, scanner: str, noise: bool) -> Targets:
     """Repeated coordinates of the targets of a base, in the scanner frame."""
     how = world.scanner(scanner).base_scanner
     true = base_targets_true(world, scanner)
-    rows = np.repeat(np.arange(len(true.name)), how["readings"]).tolist()
-    std = np.tile(np.array(how["std_mm"]) * 1e-3, (len(rows), 1))
+    rows = np.repeat(np.arange(len(true.name)), how.readings).tolist()
+    std = np.tile(np.array(how.std_mm) * 1e-3, (len(rows), 1))
     repeated = true.take(rows)
     error = world.rng("base_readings", scanner).normal(size=std.shape) * std if noise else 0.0
     return Targets(repeated.name, repeated.group, repeated.xyz + error, std)

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from velocal.arrays import Array
 from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
 from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.simulation.world import World
-
-Array = NDArray[np.float64]
 
 #: Ranges at which the factory calibrates an HDL-64E S2 besides its far point (manual).
 NEAR_POINTS_M = {"x": 2.4, "y": 1.93}
@@ -191,7 +190,7 @@ def drift(world: World, scanner: str, sample: str) -> Array:
     steady = rng.normal(0.0, errors.drift_common_cm) + rng.normal(0.0, errors.drift_laser_cm, n)
     windows = rng.normal(0.0, errors.drift_window_cm, (3, n))
     share = np.linspace(0.0, 1.0, DRIFT_NODES)
-    warmth = world.warmth.temperature_k(sample, share)
+    warmth = world.temperature_k(sample, share)
     sensitivity = world.rng("thermal", scanner).normal(
         errors.thermal_cm_per_k, errors.thermal_laser_cm_per_k, n
     )

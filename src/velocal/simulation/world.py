@@ -1,136 +1,29 @@
-"""Constants of the simulated world as typed objects, and its random numbers."""
+"""The simulated world: the constants of its file, its random numbers and its true poses."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
-from velocal.study.world import read_world
+from velocal.study.model import read_yaml, validated
+from velocal.study.world import Building, OutdoorKind, Pose, SampleWarmth, ScannerUnit, WorldFile
 
-#: Factor of the surveyor's errors in a world without errors; zero would make them singular.
-_TINY = 1e-6
+if TYPE_CHECKING:  # a change of the configuration's models does not change a simulated recording
+    from velocal.study.study import Study
 
-
-@dataclass(frozen=True)
-class ErrorModel:
-    """Errors of a scanner; units in the names, standard deviations unless named otherwise.
-
-    `far_point_m` is the range at which the factory calibrated: there the error of dl is
-    `dl_mean_cm`, `dl_cm` (cut at `dl_limit` standard deviations), and `range_scale_cm_per_m`
-    makes it another at other ranges.
-    """
-
-    dl_mean_cm: float
-    dl_cm: float
-    dl_limit: float
-    alpha_deg: float
-    v_deg: float
-    range_scale_cm_per_m: float
-    far_point_m: float
-    pattern_median_cm: float
-    pattern_log: float
-    pattern_kernel_deg: float
-    noise_median_cm: float
-    noise_log: float
-    noise_range_m: float
-    shift_mean_cm: Mapping[str, float]
-    shift_cm: float
-    drift_laser_cm: float
-    drift_common_cm: float
-    drift_window_cm: float
-    thermal_cm_per_k: float
-    thermal_laser_cm_per_k: float
-    outlier_share: float
-    outlier_cm: float
+#: A scanner that has run for long without the halogen light.
+_STEADY = SampleWarmth(halogen=False, start_k=0.0)
 
 
-@dataclass(frozen=True)
-class FactoryModel:
-    """How the factory values of a unit scatter about the design."""
-
-    dist_mean_m: float
-    dist_cm: float
-    rotational_unit_deg: float
-    rotational_deg: float
-    vertical_unit_deg: float
-    vertical_deg: float
-    near_cm: float
-
-
-@dataclass(frozen=True)
-class Warmth:
-    """Temperature of the scanner over the minutes of a recording; it causes drifts.
-
-    Attributes
-    ----------
-    duration_s : float
-        Length of the recordings of the study; the simulated ones may hold fewer rotations.
-    time_constant_s : float
-        Time constant with which the temperature approaches the steady one.
-    halogen_k : float
-        Rise of the steady temperature while the halogen light is on, kelvin.
-    samples : mapping of str to mapping
-        By sample, `halogen` (bool) and `start_k`: the temperature at the start above that of a
-        scanner that has run for long without the light. Other samples start at zero.
-    """
-
-    duration_s: float
-    time_constant_s: float
-    halogen_k: float
-    samples: Mapping[str, Mapping[str, Any]]
-
-    def temperature_k(self, sample: str, share: np.ndarray) -> np.ndarray:
-        """Temperature above the steady one without light, kelvin.
-
-        Parameters
-        ----------
-        sample : str
-        share : ndarray
-            Times from 0 (start of the recording) to 1 (its end).
-        """
-        case = self.samples.get(sample, {"halogen": False, "start_k": 0.0})
-        steady = self.halogen_k if case["halogen"] else 0.0
-        return np.asarray(
-            steady
-            + (case["start_k"] - steady) * np.exp(-share * self.duration_s / self.time_constant_s)
-        )
-
-
-@dataclass(frozen=True)
-class ScannerWorld:
-    """Constants of a simulated unit, as the world file names them."""
-
-    rotation_rate_hz: float
-    rotation_rate_variation: float
-    encoder_step_ticks: int
-    min_range_m: float
-    dropout: float
-    base_targets: Mapping[str, Any]
-    base_scanner: Mapping[str, Any]
-    base_pointing_mm: float
-    factory: FactoryModel | None
-    errors: ErrorModel
-
-
-@dataclass(frozen=True)
-class World:
-    """The whole world: seed, site, positions, warmth, units, survey, outdoor scenes, building."""
-
-    seed: int
-    site: Mapping[str, Any]
-    positions: Mapping[str, Mapping[str, Any]]
-    warmth: Warmth
-    scanners: Mapping[str, ScannerWorld]
-    survey: Mapping[str, Any]
-    outdoor: Mapping[str, Any] | None = None
-    building: Mapping[str, Any] | None = None
+class World(WorldFile):
+    """The file of a simulated world, with what follows from its constants."""
 
     def rng(self, *name: str) -> np.random.Generator:
         """Random numbers of their own for every name: a new sample changes no other sample."""
@@ -141,57 +34,28 @@ class World:
         """True `T_site_scanner` of a position."""
         return true_pose(self.positions[position])
 
-    def without_errors(self) -> World:
-        """World with the same parameters, but perfect shots and a perfect survey.
+    def temperature_k(self, sample: str, share: Array) -> Array:
+        """Temperature of a scanner above the steady one without light, kelvin; it causes drifts.
 
-        Ticks of the distance and steps of the encoder remain, as they belong to the packets.
+        Parameters
+        ----------
+        sample : str
+            Samples that the world file does not name start at the steady temperature.
+        share : ndarray
+            Times from 0 (start of the recording) to 1 (its end).
+
+        Returns
+        -------
+        ndarray
+            In the shape of `share`.
         """
-        kept = ("dl_mean_cm", "dl_cm", "alpha_deg", "v_deg")
-        lengths = ("dl_limit", "pattern_kernel_deg", "far_point_m", "noise_range_m")
-        scanners = {}
-        for name, unit in self.scanners.items():
-            zeros: dict[str, Any] = {
-                item.name: {} if item.name == "shift_mean_cm" else 0.0
-                for item in fields(ErrorModel)
-                if item.name not in (*kept, *lengths)
-            }
-            scanners[name] = replace(
-                unit,
-                dropout=0.0,
-                base_scanner={
-                    **unit.base_scanner,
-                    "std_mm": [_TINY * std for std in unit.base_scanner["std_mm"]],
-                },
-                base_pointing_mm=_TINY * unit.base_pointing_mm,
-                errors=replace(unit.errors, **zeros),
-            )
-        flat = {name: {"mean_mm": 0.0, "max_mm": 0.0} for name in self.site["flatness"]}
-        instrument = {name: _TINY * std for name, std in self.survey["total_station"].items()}
-        camera = {**self.survey["camera"], "image_um": _TINY * self.survey["camera"]["image_um"]}
-        return replace(
-            self,
-            site={**self.site, "flatness": flat},
-            scanners=scanners,
-            survey={**self.survey, "total_station": instrument, "camera": camera},
-        )
+        warmth = self.warmth
+        case = warmth.samples.get(sample, _STEADY)
+        steady = warmth.halogen_k if case.halogen else 0.0
+        passed = np.exp(-share * warmth.duration_s / warmth.time_constant_s)
+        return np.asarray(steady + (case.start_k - steady) * passed)
 
-    def check_position(self, position: str, scanner: str) -> None:
-        """Check that a scanner stands at a position.
-
-        Raises
-        ------
-        ConfigError
-            If the position is unknown or belongs to another scanner.
-        """
-        stands = {name: where["scanner"] for name, where in self.positions.items()}
-        if stands.get(position) != scanner:
-            raise ConfigError(
-                f"no {scanner} stands at position {position!r} of the simulated world",
-                allowed=", ".join(f"{name} ({unit})" for name, unit in stands.items()),
-                hint="Name another position, or describe this one under `positions:`.",
-            )
-
-    def scanner(self, name: str) -> ScannerWorld:
+    def scanner(self, name: str) -> ScannerUnit:
         """Look up a simulated unit.
 
         Raises
@@ -207,15 +71,65 @@ class World:
             )
         return self.scanners[name]
 
+    def check_position(self, position: str, scanner: str) -> None:
+        """Check that a scanner stands at a position.
 
-def true_pose(where: Mapping[str, Any]) -> RigidTransformation:
+        Raises
+        ------
+        ConfigError
+            If the position is unknown or belongs to another scanner.
+        """
+        stands = {name: where.scanner for name, where in self.positions.items()}
+        if stands.get(position) != scanner:
+            raise ConfigError(
+                f"no {scanner} stands at position {position!r} of the simulated world",
+                allowed=", ".join(f"{name} ({unit})" for name, unit in stands.items()),
+                hint="Name another position, or describe this one under `positions:`.",
+            )
+
+    def scene(self, name: str) -> tuple[OutdoorKind, float]:
+        """Look up an outdoor scene: its kind, and the distance of its panels in metres.
+
+        Raises
+        ------
+        ConfigError
+            If the world has no such scene.
+        """
+        known = {
+            f"{name}{number}": (kind, distance_m)
+            for name, kind in (self.outdoor.kinds if self.outdoor else {}).items()
+            for number, distance_m in enumerate(kind.distances_m, start=1)
+        }
+        if name not in known:
+            raise ConfigError(
+                f"the simulated world has no scene {name!r}",
+                allowed=", ".join(known) or "no scene: the world has no `outdoor`",
+                hint="Name another scene, or add a distance to its kind under `outdoor: kinds:`.",
+            )
+        return known[name]
+
+    def mapped_building(self) -> Building:
+        """Look up the building.
+
+        Raises
+        ------
+        ConfigError
+            If the world file describes no building.
+        """
+        if self.building is None:
+            raise ConfigError(
+                "the simulated world has no building to map",
+                hint="Describe it under `building:`, or leave out the figure of the kind map.",
+            )
+        return self.building
+
+
+def true_pose(where: Pose) -> RigidTransformation:
     """True `T_site_scanner` of an entry of `positions`."""
     # Heading is clockwise from the Y axis of the site, as the rotational angle is.
-    turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where["heading_deg"])]))
-    tilt = rotation_from_vector(
-        np.deg2rad(np.array([where["tilt_x_deg"], where["tilt_y_deg"], 0.0]))
-    )
-    translation = np.array([where["x_m"], where["y_m"], where["z_m"]])
+    turn = rotation_from_vector(np.array([0.0, 0.0, -np.deg2rad(where.heading_deg)]))
+    tilt = rotation_from_vector(np.deg2rad(np.array([where.tilt_x_deg, where.tilt_y_deg, 0.0])))
+    translation = np.array([where.x_m, where.y_m, where.z_m])
     return RigidTransformation(tilt @ turn, translation, np.zeros((6, 6)))
 
 
@@ -227,29 +141,58 @@ def read(path: Path) -> World:
     ConfigError
         If the file is missing, or for the first fault in it.
     """
-    return load(read_world(path).plain())
+    return load(read_yaml(path), str(path))
 
 
-def load(content: Mapping[str, Any]) -> World:
-    """Build a world from the content of a world file, which is validated already."""
-    scanners = {}
-    for name, unit in content["scanners"].items():
-        factory = unit["factory"]
-        scanners[name] = ScannerWorld(
-            **{
-                **{field.name: unit[field.name] for field in fields(ScannerWorld)},
-                "factory": FactoryModel(**factory) if factory else None,
-                "errors": ErrorModel(**unit["errors"]),
-            }
-        )
-    warmth = Warmth(**content["warmth"])
-    return World(
-        content["seed"],
-        content["field"],
-        content["positions"],
-        warmth,
-        scanners,
-        content["survey"],
-        content.get("outdoor"),
-        content.get("building"),
-    )
+def load(content: Mapping[str, Any], where: str = "world") -> World:
+    """Build a world from the content of a world file.
+
+    Parameters
+    ----------
+    content : mapping
+    where : str
+        How to call the file in errors.
+
+    Raises
+    ------
+    ConfigError
+        For the first fault in the content.
+    """
+    return validated(World, content, where)
+
+
+def check_world(study: Study, world: World, where: str) -> None:
+    """Check that the world has what the simulated recordings of a study need.
+
+    Parameters
+    ----------
+    study : Study
+    world : World
+    where : str
+        How to call the world's file in errors.
+
+    Raises
+    ------
+    ConfigError
+        If a simulated sample is of a scanner, a position or a scene that the world lacks, or if
+        a building is mapped that the world lacks.
+    """
+    made, of_sample = study.made_files(), ""
+    try:
+        for sample in study.surveyed.values():
+            if sample.recording in made:
+                of_sample = f"sample {sample.name!r}: "
+                world.scanner(sample.scanner)
+                world.check_position(sample.position, sample.scanner)
+        for panels in study.outdoor.values():
+            if panels.recording in made:
+                of_sample = f"sample {panels.name!r}: "
+                world.scanner(panels.scanner)
+                world.scene(panels.scene)
+        of_sample = ""
+        if study.config.maps:
+            world.mapped_building()
+    except ConfigError as error:
+        raise ConfigError(
+            f"{of_sample}{error.what}", where=where, allowed=error.allowed, hint=error.hint
+        ) from None

@@ -18,7 +18,6 @@ from velocal.study.config import (
     ObservationFiles,
     Observations,
     StudyConfig,
-    Windows,
 )
 from velocal.study.model import Section, validated
 from velocal.study.outputs import Validation
@@ -72,11 +71,6 @@ class Study:
     def factories(self) -> dict[str, str]:
         """Calibration file of the factory for every surveyed scanner, or `nominal`."""
         return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
-
-    @property
-    def windows(self) -> Windows:
-        """Section `windows` of a study with surveyed samples."""
-        return _given(self.config.windows)
 
     @property
     def assignment(self) -> Assignment:

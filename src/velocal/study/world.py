@@ -5,12 +5,10 @@ The reasons of the constants stand as comments in the file itself.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from velocal.errors import ConfigError
 from velocal.study.model import (
     AcuteAngle,
     Count,
@@ -25,12 +23,7 @@ from velocal.study.model import (
     Span,
     Text,
     fault,
-    read_yaml,
-    validated,
 )
-
-if TYPE_CHECKING:  # a change of the configuration's models does not change a simulated recording
-    from velocal.study.study import Study
 
 PositionName = Annotated[Name, Placeholder("{position}")]
 SampleName = Annotated[Name, Placeholder("{sample}")]
@@ -318,7 +311,7 @@ class WorldFile(Section):
         strict=False,
         description="constants that tuning may change, as `scanners/HDL-64E/errors/dl_cm`",
     )
-    field: Site = Field(description="the test site")
+    site: Site = Field(alias="field", description="the test site")
     survey: SurveyWorld = Field(description="how the site is surveyed")
     positions: dict[PositionName, Position] = Field(
         min_length=1, description="positions of the scanners"
@@ -337,68 +330,3 @@ class WorldFile(Section):
             if isinstance(found, bool) or not isinstance(found, int | float):
                 raise fault(f"{path!r} names no constant of this file", key="tuned")
         return self
-
-
-def read_world(path: Path) -> WorldFile:
-    """Read the file of a simulated world.
-
-    Raises
-    ------
-    ConfigError
-        If the file is missing, or for the first fault in it.
-    """
-    return validated(WorldFile, read_yaml(path), str(path))
-
-
-def check_world(study: Study, world: WorldFile, where: str) -> None:
-    """Check that the world has what the simulated recordings of a study need.
-
-    Parameters
-    ----------
-    study : Study
-    world : WorldFile
-    where : str
-        How to call the world's file in errors.
-
-    Raises
-    ------
-    ConfigError
-        If a simulated sample is of a scanner, a position or a scene that the world lacks.
-    """
-    made, units = study.made_files(), world.scanners
-    stands = {name: position.scanner for name, position in world.positions.items()}
-    kinds = world.outdoor.kinds if world.outdoor else {}
-    scenes = [
-        f"{name}{n + 1}" for name, kind in kinds.items() for n in range(len(kind.distances_m))
-    ]
-    for sample in [*study.surveyed.values(), *study.outdoor.values()]:
-        if sample.recording in made and sample.scanner not in units:
-            raise ConfigError(
-                f"sample {sample.name!r}: the simulated world has no scanner {sample.scanner!r}",
-                where=where,
-                allowed=", ".join(units),
-                hint="Describe it under `scanners:` of the world file.",
-            )
-    for sample in study.surveyed.values():
-        if sample.recording in made and stands.get(sample.position) != sample.scanner:
-            raise ConfigError(
-                f"sample {sample.name!r}: no {sample.scanner} stands at position "
-                f"{sample.position!r} of the simulated world",
-                where=where,
-                allowed=", ".join(f"{name} ({unit})" for name, unit in stands.items()),
-                hint="Name another position, or describe this one under `positions:`.",
-            )
-    for panels in study.outdoor.values():
-        if panels.recording in made and panels.scene not in scenes:
-            raise ConfigError(
-                f"sample {panels.name!r}: the simulated world has no scene {panels.scene!r}",
-                where=where,
-                allowed=", ".join(scenes),
-                hint="Scenes are described under `outdoor: kinds:` of the world file.",
-            )
-    if study.config.maps and world.building is None:
-        raise ConfigError(
-            "the simulated world has no building to map",
-            where=where,
-            hint="Describe it under `building:`, or leave out the figure of the kind map.",
-        )

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
+from velocal.arrays import Array
 from velocal.errors import StorageError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.io import storage
 from velocal.survey.targets import SurveyCovariances, Targets, common, read_targets
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

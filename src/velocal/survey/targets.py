@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.geometry.planes import fit_plane
 from velocal.io import storage
 from velocal.survey.tables import check_unique, read_table
-
-Array = NDArray[np.float64]
 
 COORDINATES = ("x_m", "y_m", "z_m")
 DEVIATIONS = ("std_x_mm", "std_y_mm", "std_z_mm")

@@ -133,27 +133,6 @@ def _list(database: Element, tag: str) -> list[str | None]:
     return [item.text for item in database.iterfind(f"{tag}/item")]
 
 
-def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read all that the file holds, checked as `document.checked` does.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int, optional
-        Number of lasers of the scanner; if None, as many as the file has.
-
-    Returns
-    -------
-    CalibrationFile
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is damaged, or not of a scanner with `n_lasers` lasers.
-    """
-    return lasers.checked(parse(path), n_lasers)
-
-
 def write(path: Path, found: CalibrationFile) -> None:
     """Write the structure of the manufacturer's files, with the shortest exact numbers.
 

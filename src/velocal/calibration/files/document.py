@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,6 +41,7 @@ CARRIED = {
 #: Hint of the formats in radians for a vertical angle beyond the vertical.
 DEGREES_HINT = "The file seems to hold degrees where radians are expected."
 
+_Key = TypeVar("_Key")
 #: Values of one laser by our names, metres and radians.
 Values = Mapping[str, float]
 #: Key of a file, and the file's unit in ours, by our names.
@@ -105,6 +107,12 @@ class Document:
         What to say of a vertical angle beyond the vertical.
     listed : mapping of str to int
         Lengths of lists beside the lasers (XML only).
+    scanner : str or None
+    std : mapping of str to str
+        Keys of standard deviations in the part ``std`` of a laser, by parameter.
+    covariance : mapping of (str, str) to str
+        Keys of covariances in the part ``covariance`` of a laser, by two parameters.
+    provenance : mapping of str to object
     """
 
     path: Path
@@ -117,6 +125,10 @@ class Document:
     dialect: str | None = None
     angle_hint: str | None = DEGREES_HINT
     listed: Mapping[str, int] = field(default_factory=dict)
+    scanner: str | None = None
+    std: Mapping[str, str] = field(default_factory=dict)
+    covariance: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
 
 def content(path: Path) -> bytes:
@@ -292,7 +304,7 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         If a value is missing or no finite number, lasers are missing, doubled or too many, or an
         angle is impossible.
     """
-    path, by_id = document.path, dict[int, Values]()
+    path, by_id, entries = document.path, dict[int, Values](), dict[int, Mapping[str, Any]]()
     tick = tick_m(document)
     if document.stated is not None:
         stated = number(document.stated, "num_lasers", str(path))
@@ -316,7 +328,7 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
                 allowed="-pi/2 to pi/2",
                 hint=document.angle_hint,
             )
-        by_id[laser] = known
+        by_id[laser], entries[laser] = known, found
     _check_ids(path, set(by_id), n_lasers)
     carried = [name for name in CARRIED if any(name in known for known in by_id.values())]
     rows = [neutral(by_id[laser]) for laser in sorted(by_id)]
@@ -328,7 +340,30 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         **{name: columns[name] for name in PARAMETERS},
         carried={name: columns[name] for name in carried},
     )
-    return CalibrationFile(parameters, document.dialect, tick_m=tick)
+    ordered = [entries[laser] for laser in sorted(entries)]
+    return CalibrationFile(
+        parameters,
+        document.dialect,
+        document.scanner,
+        tick,
+        std=_columns(ordered, "std", document.std, path),
+        covariance=_columns(ordered, "covariance", document.covariance, path),
+        provenance=document.provenance,
+    )
+
+
+def _columns(
+    entries: Sequence[Mapping[str, Any]], part: str, keys: Mapping[_Key, str], path: Path
+) -> dict[_Key, Array]:
+    """Columns of those numbers in a part of every laser that any of them has; NaN for null."""
+    found = {}
+    for name, key in keys.items():
+        parts = [entry.get(part, {}) for entry in entries]
+        if any(key in each for each in parts):
+            values = [each.get(key) for each in parts]
+            where = f"{path}, {part}"
+            found[name] = np.array([np.nan if v is None else number(v, key, where) for v in values])
+    return found
 
 
 def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:

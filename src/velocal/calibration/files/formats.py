@@ -9,7 +9,7 @@ from typing import Protocol
 
 from velocal.calibration.convert import convert
 from velocal.calibration.dialects import MANUAL, PAPER, Dialect, dialect_named
-from velocal.calibration.files.document import CalibrationFile, Document
+from velocal.calibration.files.document import CalibrationFile, Document, checked
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M, Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
@@ -34,25 +34,6 @@ class Codec(Protocol):
         ------
         CalibrationFileError
             If the file cannot be read, or is not of this format.
-        """
-
-    def read(self, path: Path, n_lasers: int | None = None) -> CalibrationFile:
-        """Read and check all that a file holds.
-
-        Parameters
-        ----------
-        path : Path
-        n_lasers : int, optional
-            Number of lasers of the scanner; if None, as many as the file has.
-
-        Returns
-        -------
-        CalibrationFile
-
-        Raises
-        ------
-        CalibrationFileError
-            If the file is damaged, or not of a scanner with `n_lasers` lasers.
         """
 
     def write(self, path: Path, found: CalibrationFile) -> None:
@@ -175,7 +156,7 @@ def read_calibration(path: str | Path, n_lasers: int | None = None) -> Calibrati
     >>> len(found.parameters), found.tick_m
     (32, 0.002)
     """
-    return format_of(Path(path)).codec().read(Path(path), n_lasers)
+    return checked(format_of(Path(path)).codec().parse(Path(path)), n_lasers)
 
 
 def dialect_of(found: CalibrationFile, path: Path) -> Dialect:

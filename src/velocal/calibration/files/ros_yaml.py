@@ -75,27 +75,6 @@ def parse(path: Path) -> Document:
     )
 
 
-def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read all that the file holds, checked as `document.checked` does.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int, optional
-        Number of lasers of the scanner; if None, as many as the file has.
-
-    Returns
-    -------
-    CalibrationFile
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is damaged, or not of a scanner with `n_lasers` lasers.
-    """
-    return lasers.checked(parse(path), n_lasers)
-
-
 def write(path: Path, found: CalibrationFile) -> None:
     """Write all the keys that drivers ask for.
 

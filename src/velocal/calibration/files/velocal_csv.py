@@ -74,27 +74,6 @@ def _check_header(path: Path, header: list[str]) -> None:
             )
 
 
-def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read the parameters, checked as `document.checked` does; standard deviations are skipped.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int, optional
-        Number of lasers of the scanner; if None, as many as the file has.
-
-    Returns
-    -------
-    CalibrationFile
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is damaged, or not of a scanner with `n_lasers` lasers.
-    """
-    return lasers.checked(parse(path), n_lasers)
-
-
 def write(path: Path, found: CalibrationFile) -> None:
     """Write the parameters, with the standard deviations of those that have any.
 

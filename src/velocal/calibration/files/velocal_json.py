@@ -8,16 +8,11 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from velocal.arrays import Array
 from velocal.calibration.files import document as lasers
-from velocal.calibration.files.decimals import UNCHANGED, number
+from velocal.calibration.files.decimals import UNCHANGED
 from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
@@ -79,7 +74,7 @@ def _only(found: Any, allowed: Any, where: str) -> None:
 
 
 def parse(path: Path) -> Document:
-    """Parse the file, without standard deviations and covariances.
+    """Parse the file.
 
     Parameters
     ----------
@@ -104,46 +99,9 @@ def parse(path: Path) -> Document:
         required=PARAMETERS,
         tick=("distance_resolution_m", content.get("distance_resolution_m"), UNCHANGED),
         dialect=content["dialect"],
-    )
-
-
-def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
-    """Read all that the file holds, checked as `document.checked` does.
-
-    Parameters
-    ----------
-    path : Path
-    n_lasers : int, optional
-        Number of lasers of the scanner; if None, as many as the file has.
-
-    Returns
-    -------
-    CalibrationFile
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is damaged, or not of a scanner with `n_lasers` lasers.
-    """
-    content, found = _content(path), lasers.checked(parse(path), n_lasers)
-    entries = sorted(content["lasers"], key=lambda entry: float(entry[LASER_ID]))
-
-    def columns(part: str, names: Mapping[Any, str]) -> dict[Any, Array]:
-        result = {}
-        for name, key in names.items():
-            values = [entry.get(part, {}).get(key) for entry in entries]
-            if any(key in entry.get(part, {}) for entry in entries):
-                where = f"{path}, {part}"
-                result[name] = np.array(
-                    [np.nan if value is None else number(value, key, where) for value in values]
-                )
-        return result
-
-    return replace(
-        found,
         scanner=content.get("scanner"),
-        std=columns("std", STD),
-        covariance=columns("covariance", COVARIANCE),
+        std=STD,
+        covariance=COVARIANCE,
         provenance=content["provenance"],
     )
 

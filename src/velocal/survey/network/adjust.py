@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.quality import variance_factor_test
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.survey.network.approximate import approximate_unknowns
 from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
@@ -28,8 +28,6 @@ from velocal.survey.network.normal_equations import (
     inner_constraints,
 )
 from velocal.survey.network.structure import Structure
-
-Array = NDArray[np.float64]
 
 #: Largest change of an unknown (metres, radians) at which the iteration ends.
 TOLERANCE = 1e-9

@@ -5,16 +5,14 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.geometry.rigid import closed_form, rotation_from_vector
 from velocal.survey.network.model import Unknowns
 from velocal.survey.network.structure import Structure
-
-Array = NDArray[np.float64]
 
 
 def approximate_unknowns(network: Structure) -> Unknowns:

@@ -8,15 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from velocal.errors import SurveyError
 from velocal.io import storage
 from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
 from velocal.survey.tables import check_unique, read_table
 from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets, read_targets, target_table
-
-Array = NDArray[np.float64]
 
 POLAR = ("direction_deg", "zenith_deg", "distance_m")
 POLAR_DEVIATIONS = ("std_direction_arcsec", "std_zenith_arcsec", "std_distance_mm")

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.geometry.rigid import rotation_from_vector, skew
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.survey.network.model import ControlPoints
-
-Array = NDArray[np.float64]
 
 #: Freedoms that levelled instruments leave to the frame: three shifts, a turn about the plumb line.
 DEFECT = 4

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.survey.network.model import (
     ControlPoints,
@@ -19,7 +20,6 @@ from velocal.survey.network.model import (
     polar_equations,
 )
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.quality import variance_factor_test
 from velocal.errors import SurveyError
@@ -22,8 +21,6 @@ from velocal.survey.network.model import ControlPoints
 from velocal.survey.network.normal_equations import DEFECT
 from velocal.survey.station import Station
 from velocal.survey.targets import COORDINATES, SurveyCovariances, Targets
-
-Array = NDArray[np.float64]
 
 FREE = f"inner constraints over the control points, {DEFECT} freedoms"
 FIXED = "control points with their covariance, same inner constraints"

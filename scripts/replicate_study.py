@@ -18,7 +18,7 @@ def main(
     rotations: int,
     config: StudyConfig,
 ) -> None:
-    """Write every cell of the tables beside the printed one."""
+    """Write every entry of the tables beside the printed one."""
     simulated = world.read(world_file).model_copy(update={"seed": seed})
     study = with_samples(config, "configuration")
     storage.write_csv(agreement, replicate.agreement(simulated, study, rotations))

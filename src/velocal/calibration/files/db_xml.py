@@ -137,7 +137,7 @@ def write(path: Path, found: CalibrationFile) -> None:
     """Write the structure of the manufacturer's files, with the shortest exact numbers.
 
     Near-point corrections that a flag turns off are written without effect, as the file has no
-    flag. The dialect stands in a comment at the very end, where no reader stumbles on it.
+    flag. The dialect is in a comment at the end of the file, which readers ignore.
 
     Parameters
     ----------

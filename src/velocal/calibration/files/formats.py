@@ -148,7 +148,7 @@ def read_calibration(path: str | Path, n_lasers: int | None = None) -> Calibrati
     Raises
     ------
     CalibrationFileError
-        If the suffix is unknown, the file damaged, or not of a scanner with so many lasers.
+        If the suffix is unknown, the file damaged, or not of a scanner with `n_lasers` lasers.
 
     Examples
     --------

@@ -120,42 +120,33 @@ def write_csv(
 class TableWriter:
     """Stream of record batches into one Parquet file of a given schema."""
 
-    def __init__(self, path: Path, schema: pa.Schema, facts: Mapping[str, Any]) -> None:
-        metadata = {**(schema.metadata or {}), FACTS: json.dumps(facts, default=_plain).encode()}
-        self._schema = schema.with_metadata(metadata)
-        split = [
-            field.name for field in schema if field.type in (pa.uint16(), pa.uint32(), pa.float32())
-        ]
-        self._writer = pq.ParquetWriter(
-            path,
-            self._schema,
-            compression="zstd",
-            compression_level=1,
-            # Measured on 13 million returns: half the time and three quarters of the size of
-            # dictionaries.
-            use_dictionary=[field.name for field in schema if field.type == pa.uint8()],
-            column_encoding=dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
-        )
+    def __init__(self, writer: pq.ParquetWriter, schema: pa.Schema) -> None:
+        self._writer, self._schema = writer, schema
 
     def write(self, columns: Mapping[str, Any]) -> None:
         """Append rows, given as one array per column."""
         arrays = [pa.array(columns[field.name], type=field.type) for field in self._schema]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
-    def close(self) -> None:
-        """Write the footer."""
-        self._writer.close()
-
 
 @contextmanager
 def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableWriter]:
     """Open a Parquet file for streaming; it appears under its name when the block succeeds."""
-    with atomic(path) as temporary:
-        writer = TableWriter(temporary, schema, facts)
-        try:
-            yield writer
-        finally:
-            writer.close()
+    metadata = {**(schema.metadata or {}), FACTS: json.dumps(facts, default=_plain).encode()}
+    described = schema.with_metadata(metadata)
+    split = [
+        field.name for field in schema if field.type in (pa.uint16(), pa.uint32(), pa.float32())
+    ]
+    options = {
+        "compression": "zstd",
+        "compression_level": 1,
+        # Measured on 13 million returns: half the time and three quarters of the size of
+        # dictionaries.
+        "use_dictionary": [field.name for field in schema if field.type == pa.uint8()],
+        "column_encoding": dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
+    }
+    with atomic(path) as temporary, pq.ParquetWriter(temporary, described, **options) as writer:
+        yield TableWriter(writer, described)
 
 
 def write_table(path: Path, schema: pa.Schema, columns: Mapping[str, Any], **facts: Any) -> None:

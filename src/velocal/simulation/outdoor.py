@@ -88,7 +88,21 @@ class Air:
         angle: Array,
         ideal: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """Change the raw distances of firings; see `scene.Between`."""
+        """Change the raw distances of firings.
+
+        Parameters
+        ----------
+        rng : Generator
+        time_s, angle : ndarray, shape (n,)
+            Time since the start of the recording, and azimuth of the head (radians).
+        ideal : ndarray of float32, shape (n, lasers)
+            Raw distances without noise, ticks; NaN for none.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, lasers)
+            Ticks.
+        """
         ticks = ideal.copy()
         for person in self.people:
             self._walk(person, time_s, angle, ticks)

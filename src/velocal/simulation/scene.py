@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,31 +87,8 @@ class Surface:
         return np.where(inside, flat, np.inf)
 
 
-class Between(Protocol):
-    """Whatever is between scanner and surfaces, and changes single shots: fog, people."""
-
-    def __call__(
-        self,
-        rng: np.random.Generator,
-        time_s: Array,
-        angle: Array,
-        ideal: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
-        """Change the raw distances of firings.
-
-        Parameters
-        ----------
-        rng : Generator
-        time_s, angle : ndarray, shape (n,)
-            Time since the start of the recording, and azimuth of the head (radians).
-        ideal : ndarray of float32, shape (n, lasers)
-            Raw distances without noise, ticks; NaN for none.
-
-        Returns
-        -------
-        ndarray of float32, shape (n, lasers)
-            Ticks.
-        """
+#: Whatever is between scanner and surfaces, and changes single shots; see `outdoor.Air`.
+Between = Callable[[np.random.Generator, Array, Array, NDArray[np.float32]], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)

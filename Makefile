@@ -1,9 +1,9 @@
-# velocal: every target sets itself up in .venv, from Python >= 3.11 with pip and venv alone.
+# velocal: every target installs what it needs in .venv, with only Python >= 3.11, pip and venv.
 #
-# Three stamps, each written last, so that a set-up that was interrupted is done again:
-#   .venv/.locked     the exact packages of requirements.lock; made anew when the lock changes
-#   .venv/.installed  velocal itself, editable; done again when pyproject.toml changes
-#   .venv/nist/.unpacked  reference data of NIST for the tests, which do without where they cannot be had
+# Each of three stamps is written last, so that an interrupted installation is repeated:
+#   .venv/.locked     the exact packages of requirements.lock; installed again when the lock changes
+#   .venv/.installed  velocal itself, editable; installed again when pyproject.toml changes
+#   .venv/nist/.unpacked  reference data of NIST; without them, the tests that need them are skipped
 
 PYTHON ?= python3
 UV ?= uv
@@ -28,21 +28,21 @@ help: ## show this list
 results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
 	$(RUN) snakemake --cores $(CORES)
 
-coverage: $(INSTALLED) ## how often stated intervals cover the truth of the simulated world: results/methods/coverage.csv
+coverage: $(INSTALLED) ## check how often stated intervals contain the simulated truth: results/methods/coverage.csv
 	$(RUN) snakemake --cores $(CORES) coverage
 
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
 	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv
 
-field: $(INSTALLED) ## run the workflow on recordings without a survey (config/unsurveyed.yaml)
+field: $(INSTALLED) ## run the workflow on recordings without a survey: config/unsurveyed.yaml
 	$(RUN) snakemake --cores $(CORES) --configfile config/unsurveyed.yaml
 
-test: lint ## run all checks and tests
+test: lint ## run all checks, then all tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \
 	    echo "no reference data of NIST: the tests that need them are skipped. Hint: make nist says why"
 	$(RUN) pytest -n 2
 
-lint: $(INSTALLED) ## run the checks that start no test
+lint: $(INSTALLED) ## run only the checks: style, types, imports, workflow
 	$(RUN) ruff check
 	$(RUN) ruff format --check
 	$(RUN) mypy
@@ -52,9 +52,9 @@ lint: $(INSTALLED) ## run the checks that start no test
 
 nist: $(UNPACKED) ## download NIST's reference data for the tests (once)
 
-setup: $(INSTALLED) ## only make the environment in .venv
+setup: $(INSTALLED) ## only install the environment in .venv
 
-# Packages whose source distributions hold the data; pip reads their metadata, nothing is installed.
+# Packages whose source distributions contain the data; pip reads their metadata and installs nothing.
 $(UNPACKED): tests/reference/nist-requirements.txt $(LOCKED)
 	@rm -rf $(NIST) && mkdir -p $(NIST)
 	@echo "Downloading reference data of NIST (once, about ten seconds)"
@@ -81,7 +81,7 @@ $(LOCKED): requirements.lock
 	$(PIP_INSTALL) --require-hashes --requirement requirements.lock
 	@touch $@
 
-lock: ## choose the newest versions within the ranges of pyproject.toml (needs uv)
+lock: ## write the newest versions within the ranges of pyproject.toml into requirements.lock (needs uv)
 	@command -v $(UV) >/dev/null || { \
 	    echo "error: no '$(UV)' found. Hint: pip install uv, or name one: make lock UV=path/to/uv" >&2; exit 1; }
 	@{ echo "# Exact versions of everything that velocal runs on and is developed with, for every platform and Python >= 3.11."; \
@@ -90,5 +90,5 @@ lock: ## choose the newest versions within the ranges of pyproject.toml (needs u
 	       --no-header --no-annotate --no-emit-index-url --no-emit-find-links pyproject.toml; } > requirements.lock.new
 	@mv requirements.lock.new requirements.lock
 
-clean: ## remove what a run made (results/), but not .venv
+clean: ## remove everything that a run made in results/, but not .venv
 	find results -mindepth 1 ! -path results/README.md -delete

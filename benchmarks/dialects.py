@@ -54,7 +54,7 @@ def leftovers() -> str:
     """What is left of the difference after a set of this project is exported."""
     names = ("HDL-64E", "HDL-32E", "VLP-16", "VLP-32C", "VLS-128")
     lines = [
-        row("export to", *names, "and with `--rate-hz 10`"),
+        row("written for", *names, "and with `--rate-hz 10`"),
         row("---", *["---"] * (len(names) + 1)),
     ]
     for name, dialect in DIALECTS.items():

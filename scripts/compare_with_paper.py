@@ -1,4 +1,4 @@
-"""Every printed cell of the paper's tables, and every number of its text, beside ours."""
+"""Every printed entry of the paper's tables, and every number of its text, beside ours."""
 
 from pathlib import Path
 

@@ -19,7 +19,7 @@ def main(
     rotations: int,
     config: StudyConfig,
 ) -> None:
-    """Write every cell of the tables beside the printed one."""
+    """Write every entry of the tables beside the printed one."""
     simulated = replace(world.read(world_file), seed=seed)
     study = with_samples(config, "configuration")
     storage.write_csv(agreement, replicate.agreement(simulated, study, rotations))

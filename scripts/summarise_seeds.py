@@ -1,4 +1,4 @@
-"""Mean and spread of every cell of the tables over the seeds."""
+"""Mean and spread of every entry of the tables over the seeds."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Put the planes of all field samples into one table."""
+"""Put the planes of all samples without a survey into one table."""
 
 from pathlib import Path
 

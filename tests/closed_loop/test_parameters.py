@@ -1,11 +1,11 @@
 """Perfect shots and survey: the true parameters come back to what ticks and steps allow.
 
 Every median is wrong by no more than half a tick of the distance (1 mm) plus what the range
-changes over half a step of the encoder: |ds/dphi| times 0.045 deg (HDL-64E) or half an angle cell
+changes over half a step of the encoder: |ds/dphi| times 0.045 deg (HDL-64E) or half an azimuth bin
 (HDL-32E), and over the 0.005 deg to which the simulation rounds the true angle. Through the
 least-squares solution delta = -A^+ w, an error e_i of the misclosures moves parameter j by at
 most sum_i |A^+_ji| e_i: that is the bound, and every parameter must keep it. It is the worst case,
-in which all errors conspire. Were they independent, the root of the sum of squares would be
+in which all errors conspire. If they were independent, the root of the sum of squares would be
 expected; nearly all parameters are within four times that. Not all: the range to a level floor
 hardly changes with the rotational angle, so that its rounding errors are alike over many cells.
 """

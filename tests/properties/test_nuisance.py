@@ -16,13 +16,13 @@ from velocal.scanner.parameters import LaserParameters
 NAMES = ("dl", "alpha", "v")
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035}
 LASER = (0.05, 0.02, -0.2, 0.2, 0.026)
-#: ``T_scanner_field``, far from the identity.
+#: ``T_scanner_site``, far from the identity.
 ROTATION = rotation_from_vector(np.array([0.05, -0.04, 2.1]))
 TRANSLATION = np.array([1.5, -2.5, 0.7])
 
 
 def in_scanner(normal, offset, rotation, translation):
-    """Planes of the field frame, shape (n, 3) and (n,), in the scanner frame."""
+    """Planes of the site frame, shape (n, 3) and (n,), in the scanner frame."""
     turned = normal @ rotation.T
     return turned, offset - turned @ translation
 
@@ -37,7 +37,7 @@ def moved(error):
 
 @pytest.fixture(scope="module")
 def beams():
-    """Beams of a laser in all directions, each with a plane of its own in the field frame."""
+    """Beams of a laser in all directions, each with a plane of its own in the site frame."""
     rng = np.random.default_rng(11)
     n = 500
     normal = rng.normal(size=(n, 3))
@@ -92,7 +92,7 @@ def test_derivatives_by_the_plane_are_central_differences(beams):
 NORMAL = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [0.8, 0.6, 0.0]])
 OFFSET = np.array([-0.8, -5.0, -4.0])
 ANGLES = [np.linspace(0.0, 6.2, 40), np.linspace(-0.5, 0.3, 40), np.linspace(0.6, 1.4, 40)]
-#: The same planes in the field frame.
+#: The same planes in the site frame.
 FIELD = NORMAL @ ROTATION, OFFSET + NORMAL @ TRANSLATION
 DRAWS = 1000
 

@@ -198,7 +198,7 @@ IN_YAML = {
         "laser 5 is far from the nominal",
     ),
     "near point of zero": (one("dist_correction_x", lambda _: 0.0), "two-point", "_x of laser 5"),
-    "no near points, but used": (no_near, "two-point", "are zero, but to be used"),
+    "no near points, but used": (no_near, "two-point", "are zero, but enabled"),
     "tick in cm": (resolution(0.2), "tick", "distance_resolution is 0.2 m"),
     "tick of nothing known": (resolution(0.001), "tick", "0.001 m; 0.002 or 0.004 are known"),
     "flag no flag": (one("two_pt_correction_available", lambda _: "x"), "number", "of type str"),
@@ -290,7 +290,7 @@ ODD = {
     "64e_s2.1-sztaki.yaml": [SHIFTED.format(44), "max_intensity is given for 2 of 64"],
     "64e_s3-xiesc.yaml": [SHIFTED.format(12), "max_intensity is given for 5 of 64"],
     # An S1, which has no two-point calibration; the flag was set all the same.
-    "64e_utexas.yaml": ["near-point corrections of laser 0, .* are zero, but to be used"],
+    "64e_utexas.yaml": ["near-point corrections of laser 0, .* are zero, but enabled"],
 }
 
 

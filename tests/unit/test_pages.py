@@ -11,13 +11,23 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 PAGES += [ROOT / "config/README.md", ROOT / "results/README.md"]
 TEXTS = [
     path
-    for pattern in ("src/**/*.py", "scripts/*.py", "workflow/**/*.smk", "config/*.yaml")
+    for pattern in ("src/**/*", "scripts/*.py", "workflow/**/*", "config/*.yaml", "Makefile")
     for path in sorted(ROOT.glob(pattern))
+    if path.suffix in (".py", ".smk", ".yaml", ".tsv", ".j2", "") and path.is_file()
 ]
-#: Words of an idiom that readers stumble over; `CONTRIBUTING.md` asks for plain sentences.
+SOURCES = [path for name in ("src", "tests", "benchmarks") for path in (ROOT / name).rglob("*.py")]
+#: Idioms, and words that had several meanings, with the word to use instead in the comments.
 UNCLEAR = re.compile(
-    r"so many-th|turned on by|comes? to rest|hangs? together|for ever\b|\bmends?\b|\barms?\b|"
-    r"\bgates\b|\bsights\b|open combination|sample sheet",
+    r"so many-th|turned on by|comes? to rest|hangs? together|for ever\b|\bmend(?:s|ed)?\b|"
+    r"\barms?\b|"  # methods
+    r"\bgates\b|"  # limits of the assignment
+    r"\bsights\b|"  # polar observations
+    r"open combination|"  # combination that is not estimable
+    r"sample sheet|"  # sample table
+    r"field frame|frame of the field|"  # site frame
+    r"angle cells?\b|"  # azimuth bin
+    r"printed cells?\b|"  # entry
+    r"\brow_std\b",  # sigma_misclosure
     re.IGNORECASE,
 )
 
@@ -32,6 +42,13 @@ def test_files_that_a_page_names_exist(page):
     folders = "src/velocal|scripts|workflow|config|docs|tests|benchmarks"
     for name in named(page, rf"(?:{folders})/[\w./-]+"):
         assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_modules_that_a_page_names_exist(page):
+    """Also those that are named within their folder, such as `adjustment/core.py`."""
+    for name in named(page, r"[\w/]+\.py"):
+        assert any(path.as_posix().endswith(f"/{name}") for path in [*SOURCES, *TEXTS]), name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

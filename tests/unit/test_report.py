@@ -175,7 +175,7 @@ def test_every_printed_cell_occurs_with_its_verdict():
         assert f"{row['item']}{dagger} " in text
     count = (FULL.agreement["within"] == "true").sum()
     assert PAGE.count(">yes</td>") == count
-    assert f"All {len(FULL.agreement)} cells" in text
+    assert f"All {len(FULL.agreement)} entries" in text
     for reason in published.CONTRADICTIONS.values():
         assert reason in text
     items = FULL.agreement["item"]

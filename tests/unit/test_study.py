@@ -125,7 +125,7 @@ def test_faults_of_the_configuration(config, path, value, message):
         (("reduction", "min_count"), True, "reduction.min_count: True"),
         (("adjustment", "noise_cm"), float("nan"), "adjustment.noise_cm.*finite"),
         (("adjustment", "block_deg"), float("inf"), "adjustment.block_deg.*finite"),
-        (("tables", 2), {}, "tables: the key 2 is no text.*\n.*quotes"),
+        (("tables", 2), {}, "tables: the key 2 is not text.*\n.*quotes"),
         (("figures", "18", "laser"), None, "figures.18.laser"),
         (("figures", "18", "laser"), 65, "figures.18.laser: 65.*64"),
     ],

@@ -1,4 +1,4 @@
-# Figures of places: the test field in plan, and the map of an interior.
+# Figures of walls in plan: the test field, and the map of an interior.
 #
 # in:   medians, surveys, factory calibration; building of the simulated world
 # out:  {results}/figures/figure_NN.{svg,png,csv}    of the kinds `plan` and `map`
@@ -8,7 +8,7 @@
 #                                                    with a parameter set
 #       {results}/map/summary.csv                    how many points, thickness of walls
 #
-# The pose of every position is adjusted from the targets on the scanner's base, as in the field.
+# The pose of every position is adjusted from the targets on the scanner's base, as in the test field.
 
 PLANS, MAPS = figures_of("plan"), figures_of("map")
 

@@ -3,9 +3,9 @@
 # in:   {results}/statistics/*.csv, {results}/residuals, ledgers
 # out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
 #       {results}/figures/figure_NN.{svg,png,csv}
-#       {results}/published/agreement.csv    every printed cell beside the reproduced one
-#       {results}/published/misses.csv       those that are missed, with the known reason; the run
-#                                            fails if another one is
+#       {results}/published/agreement.csv    every printed entry beside the reproduced one
+#       {results}/published/misses.csv       those outside their tolerance, with the known reason;
+#                                            the run fails if another one is outside
 #       {results}/report.html                all of it on one page that needs no network
 
 from velocal.paper.printed import KNOWN_MISSES

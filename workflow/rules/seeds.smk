@@ -1,8 +1,9 @@
-# Not one lucky seed: the study in memory for many seeds of the simulated world, at reduced cost.
+# The study for many seeds of the simulated world, in memory and at reduced cost: one seed alone may
+# agree with the paper by chance.
 #
 # in:   config/world.yaml, the configuration
-# out:  {results}/seeds/{seed}.csv       every cell beside the printed one, for one seed
-#       {results}/seeds/agreement.csv    mean and spread of every cell over the seeds
+# out:  {results}/seeds/{seed}.csv       every entry beside the printed one, for one seed
+#       {results}/seeds/agreement.csv    mean and spread of every entry over the seeds
 #       {results}/seeds/constants.csv    constants of the world that would fit the tables better
 #
 # Not part of `all`; `make seeds` asks for it. The same functions as in the rest of the workflow run

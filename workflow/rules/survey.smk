@@ -1,7 +1,8 @@
 # From observations or surveyed targets to the planes in the frame of a scanner.
 #
-# in:   observations (points, polar and image observations, repeated coordinates), or survey files: targets of the planes
-#       and of the scanner's base in the field frame, targets of the base in the scanner frame
+# in:   observations (points, polar and image observations, repeated coordinates), or survey files:
+#       targets of the planes and of the scanner's base in the site frame, targets of the base in the
+#       scanner frame
 # out:  {results}/survey/{control,planes,base_field,base_scanner}.csv   adjusted from observations
 #       {results}/survey/covariance.json  of all coordinates of a base, and of the planes
 #       {results}/survey/network.csv     largest standard deviation of every kind of point

@@ -29,7 +29,7 @@ ADJUSTABLE_UNITS = {**UNITS, "scale": "1"}
 def split(
     x: Array, names: Sequence[str], initial: LaserParameters
 ) -> tuple[LaserParameters, Array | None]:
-    """Parameters that corrections lead to, and the range scale, which is no scanner parameter.
+    """Parameters that corrections lead to, and the range scale, which drivers do not know.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ FLATNESS_LENGTH_M = 0.5
 
 
 def by_pose(point: Array, normal: Array, towards: Array, translation: Array) -> Array:
-    """Derivatives by rotation vector and translation of ``T_scanner_field``, shape (n, 6).
+    """Derivatives by rotation vector and translation of ``T_scanner_site``, shape (n, 6).
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ class SurveyUncertainty:
     Attributes
     ----------
     translation : ndarray, shape (3,)
-        Of ``T_scanner_field``, metres.
+        Of ``T_scanner_site``, metres.
     pose : ndarray, shape (6, 6)
         Covariance of its rotation vector and translation (rad, m).
     planes : ndarray, shape (k, 4, 4)

@@ -207,8 +207,8 @@ def _distances(
     if nothing.any():
         yield Finding(
             "two-point",
-            f"near-point corrections of {_of(ids, nothing)} are zero, but to be used: readers "
-            "go from the distance correction to none",
+            f"near-point corrections of {_of(ids, nothing)} are zero, but enabled: "
+            "programs interpolate from the distance correction to zero",
         )
     for name, near in zip(NEAR_POINT, (x, y), strict=True):
         far = flag & ~nothing & (np.abs(near - dl) > 0.25) & (np.abs(near) <= 10.0)

@@ -21,7 +21,7 @@ class Count:
 
 @dataclass
 class Ledger:
-    """What a recording held and what became of it.
+    """What a recording contains and how it was used.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Begin a study of one's own."""
+"""Command that makes the folder of a new study."""
 
 from __future__ import annotations
 
@@ -38,5 +38,5 @@ Next:
 2. Write the surveyed targets into {folder / "survey"}, and the names of the planes into
    {folder / "config.yaml"} (assignment: planes).
 3. cd {folder} && snakemake --cores 2
-The report will be {folder / "results/report.html"}; docs/how-to.md walks through all of it."""
+The report will be {folder / "results/report.html"}; docs/how-to.md explains every step."""
     )

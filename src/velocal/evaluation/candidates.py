@@ -30,8 +30,8 @@ class Candidate:
     role : Role
     parameters : LaserParameters
     parameter_set : str
-        Name of the parameter set; empty for the other roles. Any name is possible, as it never
-        stands in one column with a role.
+        Name of the parameter set; empty for the other roles. Any name is possible, because
+        names and roles are in two columns.
 
     Raises
     ------

@@ -115,7 +115,7 @@ METHODS = (
     ),
     Method(
         "paper_truncated", "the paper, truncated", _PAPER + ", velocal",
-        "directions are held that the prior knows better, walls only",
+        "directions that the prior knows better keep the factory's value, walls only",
         solver=PaperModel(truncate_at=1.0), planes="walls",
     ),
     Method(

@@ -32,7 +32,7 @@ TRIM_AT, ROUNDS = 3.0, 10
 STD_PER_MAD = 1.4826
 #: Statistics of a laser on a plane that are tabulated.
 LASER_COLUMNS = ("rms_cm", "mean_cm", "std_cm", "within_1sigma_pct", "within_3sigma_pct")
-#: Returns that a cell must have before its spread tells anything of single returns.
+#: Returns that an azimuth bin must have before its spread tells anything of single returns.
 MIN_SPREAD_COUNT = 5
 
 

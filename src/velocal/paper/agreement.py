@@ -1,4 +1,4 @@
-"""How close a study comes to the paper: every printed cell and statement beside ours.
+"""How close a study comes to the paper: every printed entry and statement beside ours.
 
 The paper's recordings were never published: on simulated recordings agreement shows that the
 simulator was calibrated well, and nothing else.
@@ -66,7 +66,7 @@ def statistics_shown(summary: pd.DataFrame, tables: pd.DataFrame) -> pd.DataFram
 
 
 def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
-    """Compare every printed cell with the reproduced one.
+    """Compare every printed entry with the reproduced one.
 
     Parameters
     ----------
@@ -274,13 +274,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Count:
-    """How many cells of a quantity are within their tolerance.
+    """How many entries of a quantity are within their tolerance.
 
     Attributes
     ----------
     quantity : str
     of : dict of str to (int, int)
-        Cells within their tolerance and all cells, by table and for "all".
+        Entries within their tolerance and all entries, by table and for "all".
     """
 
     quantity: str
@@ -296,7 +296,7 @@ def cells(table: pd.DataFrame | None) -> dict[str, Cell]:
 
 
 def counts(judged_cells: Mapping[str, Cell]) -> list[Count]:
-    """Count the cells within their tolerance: per quantity for every table, and in all."""
+    """Count the entries within their tolerance: per quantity for every table, and in all."""
     if not judged_cells:
         return []
     found = []

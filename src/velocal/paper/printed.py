@@ -48,7 +48,7 @@ READING = {
     ("V", "after", "sa4"): "sa6",
 }
 
-#: Printed cells that contradict the rest of the paper, by item. They are kept as printed and
+#: Printed entries that contradict the rest of the paper, by item. They are kept as printed and
 #: judged like all others.
 CONTRADICTIONS = {
     "II HDL-64E sa3 beginning after within_1sigma_pct": (

@@ -57,7 +57,7 @@ def lasers(world: World, study: Study, rotations: int) -> pd.DataFrame:
 
 
 def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
-    """Cells of the tables and the statements that follow from them, beside the printed ones.
+    """Entries of the tables and the statements that follow from them, beside the printed ones.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def agreement(world: World, study: Study, rotations: int) -> pd.DataFrame:
 
 
 def spread(replicas: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
-    """Mean and standard deviation of every cell over seeds, beside the printed one.
+    """Mean and standard deviation of every entry over seeds, beside the printed one.
 
     Parameters
     ----------

@@ -44,9 +44,9 @@ def with_values(content: Mapping[str, Any], values: Mapping[str, float]) -> dict
 
 
 def misfit(content: Mapping[str, Any], study: Study, seeds: Sequence[int], rotations: int) -> Array:
-    """Difference of every cell's mean over seeds from the printed one, by its tolerance.
+    """Difference of every entry's mean over seeds from the printed one, by its tolerance.
 
-    Cells that contradict the rest of the paper are left out.
+    Entries that contradict the rest of the paper are left out.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def tune(
         Content of the world file.
     study : Study
     seeds : sequence of int
-        The same in every evaluation, so that the cells change smoothly.
+        The same in every evaluation, so that the entries change smoothly.
     rotations : int
         Of a window.
     iterations : int

@@ -17,7 +17,7 @@ from velocal import __version__
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 
-#: One array per field, as `placing.stream` gives them.
+#: One array per field, as `velocal.points.stream.stream` gives them.
 Columns = Mapping[str, NDArray[Any]]
 Write = Callable[[Columns], None]
 

@@ -39,7 +39,7 @@ class Inspection:
     index : RotationIndex
     ledger : Ledger
     gaps, packets_missing : int
-        Interruptions of the packet sequence, and the packets they must have held; by the device
+        Interruptions of the packet sequence, and packets that are missing there; by the device
         clock, or by capture times where the azimuth agrees.
     packet_interval_s : float
         Median time between packets; NaN without time.

@@ -26,7 +26,7 @@ from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.timing import Clock, Gaps
 from velocal.scanner.models import AZIMUTH_TICKS, BANK_FLAGS, SCANNERS
 
-#: Packets that are looked at together at least, where the recording has so many.
+#: Smallest number of packets that are examined together, where the recording has as many.
 CLOCK_PACKETS = 256
 #: Names of the banks of 32 lasers, in the order of `BANK_FLAGS`.
 BANKS = ("upper", "lower", "third", "fourth")

@@ -79,7 +79,7 @@ class Gaps:
     packet : list of int
         Numbers of the packets after which there is a gap, counted from 1.
     packets_missing : int
-        Packets that the gaps must have held.
+        Packets that are missing in the gaps.
     """
 
     def __init__(self) -> None:

@@ -33,7 +33,7 @@ def caption(selection: Figure, numbers: pd.DataFrame) -> str:
         places = ", ".join(f"{position} (sample {sample})" for position, sample in views)
         return (
             f"Test field in plan with the medians that the {selection.scanner} measured from "
-            f"{places}, in the frame of the field by the surveyed pose, factory parameters, middle "
+            f"{places}, in the site frame by the surveyed pose, factory parameters, middle "
             f"window. Every n-th median is drawn, {MEDIANS} at most of each plane."
         )
     samples = ", ".join(selection.samples)

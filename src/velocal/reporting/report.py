@@ -75,7 +75,7 @@ class Study:
     tables : mapping of str to figures.Table
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
-        Statistics of all windows; every printed cell with the reproduced one.
+        Statistics of all windows; every printed entry with the reproduced one.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -86,7 +86,7 @@ class Study:
     field_table : DataFrame or None
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
-        PNG by field sample.
+        PNG pictures of these recordings, by sample.
     methods : DataFrame or None
         Numbers of the comparison of methods.
     methods_png : bytes

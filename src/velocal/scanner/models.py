@@ -391,7 +391,7 @@ def _vls128() -> Scanner:
     )
 
 
-#: Every scanner that can be named in a sample table. "HDL-64E" is an S2; an S3 sends alike.
+#: Every scanner that can be named in a sample table. "HDL-64E" is an S2; an S3 has the same blocks.
 SCANNERS: dict[str, Scanner] = {
     scanner.name: scanner
     for scanner in (

@@ -93,7 +93,7 @@ class Seeds(Section):
 
 
 class Simulation(Section):
-    """A simulated world stands in for recordings and survey."""
+    """A simulated world that replaces recordings and survey."""
 
     world: Text = Field(description="file with the constants of the simulated world")
     rotations: int = Field(
@@ -233,7 +233,7 @@ class StudyConfig(Section):
                 raise fault("needs surveyed samples", key=key, hint="Give `samples`.")
         for number in self.outdoor.figures if self.outdoor else ():
             if number in self.figures:
-                raise fault(f"figure {number} stands in figures and outdoor.figures")
+                raise fault(f"figure {number} is in both figures and outdoor.figures")
         for number in self.maps:
             if len(self.maps) > 1 or self.simulation is None:
                 raise fault(

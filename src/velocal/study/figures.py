@@ -39,7 +39,7 @@ class HistogramFigure(Section):
     kind: Literal["histogram"] = Field(description="histogram of the residuals of one laser")
     scanner: ScannerName = Field(description="scanner of the samples")
     samples: Names = Field(description="samples that are shown")
-    data: Literal["calibration"] = Field(description="residuals of medians, or of single scans")
+    data: Literal["calibration"] = Field(description="a histogram shows residuals of medians")
     laser: Count = Field(description="laser, counted from 1")
 
     @model_validator(mode="after")
@@ -66,13 +66,13 @@ class MapFigure(Section):
     """The map of the simulated building."""
 
     kind: Literal["map"] = Field(description="map of the simulated building; at most one figure")
-    scanner: ScannerName = Field(description="scanner of the samples, or of the map")
+    scanner: ScannerName = Field(description="scanner of the map")
     set: SetName = Field(description="parameter set that the map is made with")
     sections: dict[SectionName, Box] = Field(
         min_length=1,
-        description="stretches of walls, as boxes in the frame of the building that hold nothing "
-        "but the wall, which runs along their longer horizontal side; `map/summary.csv` gives "
-        "the thickness of each, and the first is drawn",
+        description="stretches of walls, as boxes in the frame of the building that contain "
+        "nothing but the wall, which runs along their longer horizontal side; `map/summary.csv` "
+        "gives the thickness of each, and the first is drawn",
     )
 
 

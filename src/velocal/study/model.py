@@ -33,7 +33,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 class Section(BaseModel):
     """A part of a configuration: frozen, strict about types, without unknown keys.
 
-    Numbers must be finite, a truth value is no number, and a number is no text.
+    Numbers must be finite. A truth value is not a number, and a number is not text.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -131,7 +131,9 @@ ScannerName = Annotated[
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
     """Put the smaller number first."""
     if span[0] == span[1]:
-        raise fault(f"from {span[0]:g} to {span[1]:g} is nothing", hint="Give two numbers.")
+        raise fault(
+            f"the interval from {span[0]:g} to {span[1]:g} is empty", hint="Give two numbers."
+        )
     return min(span), max(span)
 
 
@@ -190,7 +192,7 @@ def _check_keys(content: object, where: str, place: str = "") -> None:
         for key, value in content.items():
             if not isinstance(key, str):
                 raise ConfigError(
-                    f"{place or 'the file'}: the key {key!r} is no text",
+                    f"{place or 'the file'}: the key {key!r} is not text",
                     where=where,
                     allowed="keys that are texts",
                     hint=f'Write it in quotes: "{key}".',

@@ -19,7 +19,7 @@ WHOLE = "all"
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
 
-#: An empty cell means that nothing is chosen.
+#: An empty entry means that nothing is chosen.
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
 
 
@@ -48,7 +48,7 @@ class Sample(Row):
     port: Annotated[int | None, Field(ge=1, le=65535), _Any] = Field(
         default=None,
         description="UDP port to which this scanner sent, where a capture holds several scanners; "
-        "an empty cell means any",
+        "an empty entry means any",
     )
     address: Annotated[str | None, Field(pattern=r"^([0-9.]+|/[A-Za-z0-9_/]+)$"), _Any] = Field(
         default=None,
@@ -134,8 +134,8 @@ def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
             raise ConfigError(
                 f"sample {sample.name!r} occurs twice",
                 where=where,
-                hint=f"It stands in row {list(found).index(sample.name) + 1} already; every "
-                "recording needs its own name.",
+                hint=f"Row {list(found).index(sample.name) + 1} has the same name; every recording "
+                "needs its own name.",
             )
         found[sample.name] = sample
     return found

@@ -70,7 +70,7 @@ class Study:
 
     @property
     def factories(self) -> dict[str, str]:
-        """Calibration file of the factory for every surveyed scanner; `nominal` is none."""
+        """Calibration file of the factory for every surveyed scanner, or `nominal`."""
         return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
 
     @property
@@ -215,7 +215,7 @@ def _check_samples(study: Study, where: str) -> None:
     names = [*study.surveyed, *study.unsurveyed, *study.outdoor]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigError(f"sample {name!r} stands in two sample tables", where=where)
+            raise ConfigError(f"sample {name!r} is in two sample tables", where=where)
     if not study.samples:
         raise ConfigError("the sample tables have no row", where=where)
     for sample in study.surveyed.values():
@@ -322,7 +322,7 @@ def _check_outdoor(study: Study, where: str) -> None:
     for sample in study.outdoor.values():
         if study.factories.get(sample.scanner) != sample.calibration:
             raise ConfigError(
-                f"outdoor sample {sample.name!r}: {sample.calibration!r} is no calibration file "
+                f"outdoor sample {sample.name!r}: {sample.calibration!r} is not a calibration file "
                 f"of a surveyed sample of {sample.scanner}",
                 where=where,
                 allowed=", ".join(f"{path} ({unit})" for unit, path in study.factories.items()),

@@ -249,8 +249,8 @@ class BaseTargets(Section):
 class BaseScanner(Section):
     """How the targets are measured in the scanner frame."""
 
-    readings: Count = Field(description="readings of every coordinate")
-    std_mm: ThreePositive = Field(description="standard deviation of one reading: X, Y, Z")
+    readings: Count = Field(description="number of repeated coordinates of every target")
+    std_mm: ThreePositive = Field(description="standard deviation of one coordinate: X, Y, Z")
 
 
 class FactoryWorld(Section):

@@ -268,7 +268,7 @@ def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Tar
             f"{len(names)} targets in common",
             where=where,
             allowed="3 or more",
-            hint="The same names must stand in both files.",
+            hint="Both files must contain the same names.",
         )
 
     def pick(targets: Targets) -> Targets:

@@ -149,7 +149,7 @@ def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
     Raises
     ------
     CalibrationFileError
-        If the file is damaged, or not of a scanner with so many lasers.
+        If the file is damaged, or not of a scanner with `n_lasers` lasers.
     """
     return lasers.checked(parse(path), n_lasers)
 
@@ -158,7 +158,7 @@ def write(path: Path, found: CalibrationFile) -> None:
     """Write the structure of the manufacturer's files, with the shortest exact numbers.
 
     Near-point corrections that a flag turns off are written without effect, as the file has no
-    flag. The dialect stands in a comment at the very end, where no reader stumbles on it.
+    flag. The dialect is in a comment at the end of the file, which readers ignore.
 
     Parameters
     ----------

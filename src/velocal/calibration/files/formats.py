@@ -52,7 +52,7 @@ class Codec(Protocol):
         Raises
         ------
         CalibrationFileError
-            If the file is damaged, or not of a scanner with so many lasers.
+            If the file is damaged, or not of a scanner with `n_lasers` lasers.
         """
 
     def write(self, path: Path, found: CalibrationFile) -> None:
@@ -167,7 +167,7 @@ def read_calibration(path: str | Path, n_lasers: int | None = None) -> Calibrati
     Raises
     ------
     CalibrationFileError
-        If the suffix is unknown, the file damaged, or not of a scanner with so many lasers.
+        If the suffix is unknown, the file damaged, or not of a scanner with `n_lasers` lasers.
 
     Examples
     --------

@@ -91,7 +91,7 @@ def read(path: Path, n_lasers: int | None = None) -> CalibrationFile:
     Raises
     ------
     CalibrationFileError
-        If the file is damaged, or not of a scanner with so many lasers.
+        If the file is damaged, or not of a scanner with `n_lasers` lasers.
     """
     return lasers.checked(parse(path), n_lasers)
 

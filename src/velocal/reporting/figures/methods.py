@@ -63,7 +63,7 @@ _PANELS = (
 
 
 def rows(numbers: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and cells as they print; columns that the numbers lack are left out."""
+    """Headings and entries as they print; columns that the numbers lack are left out."""
     shown = {name: head for name, head in _HEADINGS.items() if name in numbers}
     cells = [
         [_cell(row, name, decimals) for name, (_, decimals) in shown.items()]

@@ -21,7 +21,7 @@ KINDS = {
 }
 #: Half axes of an ellipse that holds a point of the plane with 95 %, in standard deviations.
 NINETY_FIVE = float(np.sqrt(-2.0 * np.log(0.05)))
-#: Ellipses are drawn so many times larger than the network.
+#: Factor by which ellipses are drawn larger than the network.
 EXAGGERATION = 100.0
 #: Markers of set-ups, by what their adjustment begins with.
 SETUPS = {

@@ -42,7 +42,7 @@ def plan(
     targets: Targets,
     limits: Limits,
 ) -> pd.DataFrame:
-    """Numbers of one panel, all in the field frame.
+    """Numbers of one panel, all in the site frame.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def plan(
     parameters : LaserParameters
         The factory's.
     targets : Targets
-        Of the planes, field frame.
+        Of the planes, site frame.
     limits : Limits
         Limits of the assignment, as in the study.
 

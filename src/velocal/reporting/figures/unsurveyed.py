@@ -42,8 +42,8 @@ _NOTE = (
     "s is the distance along the beam to the plane. rms: mean over the lasers of the root mean "
     "square of s about zero; std: of the standard deviation of s about the mean of the "
     "laser, which offsets of the lasers do not enter; pooled_rms: of all s; spread: of single "
-    "returns in an angle cell, where the recording has enough rotations; it holds the slope of "
-    "the plane within the cell; trimmed: points left out as outliers; tilt: 0 for a level "
+    "returns in an azimuth bin, where the recording has enough rotations; it contains the slope "
+    "of the plane within the bin; trimmed: points left out as outliers; tilt: 0 for a level "
     "plane, 90 for an upright one."
 )
 
@@ -155,7 +155,7 @@ def _per_laser(
 
 
 def field_markdown(table: pd.DataFrame) -> str:
-    """Table of planes as Markdown; an empty cell where there is no number.
+    """Table of planes as Markdown; an empty entry where there is no number.
 
     Parameters
     ----------

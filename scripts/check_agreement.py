@@ -10,10 +10,10 @@ from velocal.paper.agreement import check
 from velocal.paper.printed import known_misses
 
 
-def main(*, agreement: Path, misses: Path) -> None:
+def main(*, agreement: Path, known: Path, misses: Path) -> None:
     """Write the items that are missed, with the known reason of each, as CSV."""
     judged = pd.DataFrame(storage.read_csv(agreement, text=("item", "within")))
-    storage.write_csv(misses, check(judged, known_misses()))
+    storage.write_csv(misses, check(judged, known_misses(known)))
 
 
 if "snakemake" in globals():

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from support.running import copy_project
+from support.tiny import run_tiny
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -14,6 +16,18 @@ ROOT = Path(__file__).resolve().parents[1]
 settings.register_profile("velocal", deadline=None, print_blob=True, derandomize=True)
 settings.register_profile("explore", settings.get_profile("velocal"), derandomize=False)
 settings.load_profile("velocal")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--freeze", action="store_true", help="rewrite the frozen numbers in tests/golden"
+    )
+
+
+@pytest.fixture(scope="session")
+def tiny_study(tmp_path_factory) -> Path:
+    """The folder of the finished tiny study: a test puts back what it changes there."""
+    return run_tiny(copy_project(tmp_path_factory.mktemp("tiny") / "project"), 2)
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import yaml
 
+from support.running import snakemake
+
 SHEET = """\
 sample	scanner	position	recording	calibration
 sa3	HDL-64E	P2	results/simulation/recordings/sa3.bin	results/simulation/factory/HDL-64E.xml
@@ -60,3 +62,11 @@ def make_tiny(folder: Path) -> None:
     path.write_text(yaml.safe_dump(config, sort_keys=False))
     (folder / "config/samples.tsv").write_text(SHEET)
     (folder / "config/outdoor_samples.tsv").write_text(_OUTDOOR_SHEET)
+
+
+def run_tiny(folder: Path, cores: int) -> Path:
+    """Run the tiny study in a copied project, which it returns."""
+    make_tiny(folder)
+    done = snakemake(folder, "--cores", str(cores))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from support.running import copy_project, snakemake
-from support.tiny import NEW_ROW, SECOND_POSITION, make_tiny
+from support.tiny import NEW_ROW, SECOND_POSITION, make_tiny, run_tiny
 
 from velocal.calibration.files import formats
 from velocal.simulation.truth import factory_parameters
@@ -18,39 +18,9 @@ from velocal.simulation.world import load
 pytestmark = pytest.mark.workflow
 
 
-def run(folder: Path, cores: int) -> Path:
-    make_tiny(folder)
-    done = snakemake(folder, "--cores", str(cores))
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory) -> Path:
-    return run(copy_project(tmp_path_factory.mktemp("two") / "project"), 2)
-
-
-GOLDEN = Path(__file__).parents[1] / "golden/tiny_study.csv"
-#: Largest differences between machines, whose packages may round in another way.
-ROUNDING = {"rms_cm": 2e-3, "pooled_rms_cm": 2e-3, "std_cm": 2e-3, "complies_zero": 1}
-ROUNDING |= {"within_1sigma_pct": 0.2, "within_3sigma_pct": 0.2, "complies_mean": 1, "count": 3}
-
-
-def test_numbers_are_those_that_were_frozen(finished):
-    """Packets, scripts and rules of the tiny study give the numbers in tests/golden.
-
-    After a change of numbers that is meant: copy results/statistics/summary.csv of the tiny study
-    over the file, and say in CHANGELOG.md why.
-    """
-    keys = ["scanner", "sample", "window", "data", "role", "parameter_set"]
-    frozen, found = (
-        pd.read_csv(path, keep_default_na=False).set_index(keys).sort_index()
-        for path in (GOLDEN, finished / "results/statistics/summary.csv")
-    )
-    assert list(found.index) == list(frozen.index)
-    for name, rounding in ROUNDING.items():
-        difference = (found[name].astype(float) - frozen[name].astype(float)).abs()
-        assert difference.max() <= rounding, f"{name}: {difference.idxmax()}"
+@pytest.fixture
+def finished(tiny_study) -> Path:
+    return tiny_study
 
 
 def planned(folder: Path, *arguments: str) -> list[tuple[str, str]]:
@@ -152,7 +122,7 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
 
 
 def test_one_core_gives_the_same_bytes(finished, tmp_path):
-    other = run(copy_project(tmp_path / "project"), 1)
+    other = run_tiny(copy_project(tmp_path / "project"), 1)
     here, there = digests(finished), digests(other)
     assert set(here) == set(there)
     assert [name for name in here if here[name] != there[name]] == []

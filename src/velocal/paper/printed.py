@@ -115,9 +115,9 @@ def printed_statements() -> pd.DataFrame:
     return pd.read_csv(STATEMENTS, comment="#")
 
 
-def known_misses() -> dict[str, str]:
+def known_misses(path: Path = KNOWN_MISSES) -> dict[str, str]:
     """Items of the study (seed 2015) that are known to be missed, each with the reason."""
-    rows = pd.read_csv(KNOWN_MISSES)
+    rows = pd.read_csv(path)
     return dict(zip(rows["item"], rows["reason"], strict=True))
 
 

@@ -77,10 +77,6 @@ class SurveyError(VelocalError):
     """Survey data are missing, doubled or geometrically insufficient."""
 
 
-class AdjustmentError(VelocalError):
-    """An adjustment has no meaningful solution."""
-
-
 class StorageError(VelocalError):
     """A file of our own is damaged or of another kind or version."""
 

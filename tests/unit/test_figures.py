@@ -211,3 +211,38 @@ def test_bytes_depend_on_nothing_but_the_numbers(tmp_path, monkeypatch, chosen):
     assert mpl.rcParams["font.size"] == 23.0
     assert len(pd.read_csv(first[2])) > 0
     assert b"<dc:date>" not in first[0].read_bytes()
+
+
+def test_a_panel_of_large_shares_is_not_empty():
+    """The lower part of a scale from zero would be."""
+    table = numbers(kind="within")
+    table["within_3sigma_pct"] = 100.0
+    table.loc[table["laser"] == 5, "within_3sigma_pct"] = 98.3
+    figure = per_laser.draw_per_laser(
+        table, selection(kind="within"), sigma_cm=2.0, simulated=False
+    )
+    first, second = figure.axes
+    assert first.get_ylim()[0] == 0.0
+    low, high = second.get_ylim()
+    assert 96.0 < low < 98.3
+    assert 100.0 < high < 101.0
+
+
+def test_histogram_draws_all_residuals_unless_some_are_far_away():
+    near = np.concatenate([np.full(998, 0.02), [0.028, -0.028]])
+    options = {"sigma_cm": 2.0, "simulated": False}
+    chosen = selection("histogram", "calibration", laser=1)
+
+    def titles(counts):
+        figure = histogram.draw_histogram(counts, chosen, **options)
+        return [ax.get_title("left") for ax in figure.axes]
+
+    found = histogram.histogram(near, near)
+    assert found["before"].iloc[[0, -1]].sum() == 0
+    assert titles(found) == ["before (factory): 1000 medians", "after (adjusted): 1000 medians"]
+    far = np.concatenate([np.full(999, 0.019), [0.3]])
+    found = histogram.histogram(far, np.full(1000, 0.019))
+    assert found["before"].iloc[-1] == 1
+    edge = found["to_cm"].iloc[-2]
+    assert titles(found)[0].endswith(f"1 of them with |s| > {edge:g} cm not drawn")
+    assert titles(found)[1] == "after (adjusted): 1000 medians"

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from velocal.errors import VelocalError
 from velocal.evaluation.candidates import Role
@@ -37,6 +37,9 @@ QUANTITIES = {
     "within_1sigma": ("within_1sigma_pct", "share of |s| < 1σ [%]", 68.27),
     "within_3sigma": ("within_3sigma_pct", "share of |s| < 3σ [%]", 99.73),
 }
+_NORMAL_LABEL = "share if σ = {:g} cm (datasheet)"
+#: A panel begins at zero unless the shares of all lasers are at least this, percent.
+_NEARLY_ALL_PCT = 90.0
 #: Quantities of every kind of figure per laser, one panel each.
 PANELS = {
     **{kind: (kind,) for kind in QUANTITIES},
@@ -137,8 +140,11 @@ def draw_per_laser(
     """
     panels = PANELS[selection.kind]
     with style():
-        figure = Figure(figsize=(7.0, 1.1 + 2.2 * len(panels)))
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        heights = [0.6 if _nearly_all(numbers, kind) else 1.0 for kind in panels]
+        figure = Figure(figsize=(7.0, 1.1 + 2.2 * sum(heights)))
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[
+            :, 0
+        ]
         for ax, kind in zip(axes, panels, strict=True):
             _dumbbells(ax, numbers, kind, sigma_cm)
         laser_axis(axes[-1], int(numbers["laser"].max()))
@@ -166,12 +172,26 @@ def _dumbbells(ax: Axes, numbers: pd.DataFrame, kind: str, sigma_cm: float) -> N
     if normal is None:
         level, text = sigma_cm, f"datasheet σ = {sigma_cm:g} cm"
         ax.set_ylim(0.0, 1.05 * max(float(np.nanmax([low, high])), sigma_cm))
+    elif _nearly_all(numbers, kind):
+        level, text = normal, _NORMAL_LABEL.format(sigma_cm)
+        least = min(float(np.nanmin([low, high])), normal)
+        bottom = np.floor(least - 0.5)
+        ax.set_ylim(bottom, 100.0 + 0.08 * (100.0 - bottom))
+        ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     else:
-        level, text = normal, f"share if σ = {sigma_cm:g} cm (datasheet)"
+        level, text = normal, _NORMAL_LABEL.format(sigma_cm)
         ax.set_ylim(0.0, 104.0)
         ax.yaxis.set_major_locator(MultipleLocator(20))
     reference(ax, level, text)
-    ax.set_ylabel(label)
+    ax.set_ylabel(label.replace("share of ", "share of\n") if _nearly_all(numbers, kind) else label)
+
+
+def _nearly_all(numbers: pd.DataFrame, kind: str) -> bool:
+    """Whether the shares of all lasers are so large that the lower part would be empty."""
+    column, _, normal = QUANTITIES[kind]
+    return normal is not None and bool(
+        np.nanmin(np.append(numbers[column].to_numpy(dtype=float), 100.0)) >= _NEARLY_ALL_PCT
+    )
 
 
 def name_after(numbers: pd.DataFrame) -> str:

@@ -41,6 +41,7 @@ def main(
     field_pictures: list[Path],
     outdoor: Path | None,
     outdoor_pictures: list[Path],
+    outdoor_numbers: list[Path],
     report_html: Path,
     title: str,
     simulated: bool,
@@ -53,14 +54,14 @@ def main(
     set_scanners: list[str],
     set_names: list[str],
     field_samples: list[str],
-    outdoor_figures: list[str],
+    outdoor_figures: Mapping[str, list[str]],
 ) -> None:
     """Write the report; whatever is missing or empty has no section.
 
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
     `numbers` of `figures`, `sets` of `set_scanners` and `set_names`, `factories` of
     `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
-    `field_samples`, `outdoor_pictures` of `outdoor_figures`.
+    `field_samples`, `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
     """
     known = dict(zip(factory_scanners, factories, strict=True))
     columns: dict[str, dict[str, Any]] = {}
@@ -88,9 +89,12 @@ def main(
         field_table=_optional(field_table),
         field_pictures=dict(zip(field_samples, map(Path.read_bytes, field_pictures), strict=True)),
         outdoor=_optional(outdoor),
-        outdoor_pictures=dict(
-            zip(outdoor_figures, map(Path.read_bytes, outdoor_pictures), strict=True)
-        ),
+        outdoor_figures=[
+            report.OutdoorFigure(number, kind, on, _frame(csv), png.read_bytes())
+            for (number, (kind, on)), png, csv in zip(
+                outdoor_figures.items(), outdoor_pictures, outdoor_numbers, strict=True
+            )
+        ],
     )
     storage.write_text(report_html, report.render(study))
 

@@ -257,12 +257,13 @@ def test_script_reads_what_is_there(tmp_path):
         "factories": [],
         "field_pictures": [],
         "outdoor_pictures": [],
+        "outdoor_numbers": [],
     }
     files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
-    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": []}
+    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": {}}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()
     ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
@@ -278,3 +279,33 @@ def test_methods_are_compared():
     assert "-25.0 % on the position" in section
     assert section.count("<tr>") == 3
     assert 'id="methods"' not in report.render(replace(FULL, methods=None))
+
+
+def test_outdoor_figures_say_what_they_show():
+    """Also to those who do not see the picture."""
+    numbers = pd.DataFrame(
+        {
+            "distance_m": [10.0, 35.0], "before_cm": [2.0, 3.0], "after_cm": [1.0, 1.5],
+            "parameter_set": "set3",
+        }
+    )  # fmt: skip
+    means = pd.DataFrame(
+        {
+            "kind": "real", "scanner": "HDL-64E", "samples": 2, "role": ["factory", "set"],
+            "parameter_set": ["", "set3"], "rms_cm": [2.5, 1.25], "shown": ["before", "after"],
+        }
+    )  # fmt: skip
+    drawn = report.OutdoorFigure("26", "real", "HDL-64E", numbers, PNG)
+    found = Elements(report.render(replace(FULL, outdoor=means, outdoor_figures=[drawn]))).found
+    texts = [attributes["alt"] for tag, attributes in found if tag == "img"]
+    (text,) = [each for each in texts if "distance of the panels" in each]
+    for part in ("real conditions", "HDL-64E", "10 to 35 m", "2.50 cm", "1.25 cm", "set3"):
+        assert part in text
+    assert ("figure", {"id": "figure-26"}) in found
+
+
+def test_every_figure_of_the_paper_is_accounted_for():
+    section = re.search(r'(?s)<section id="figures">.*?</section>', PAGE)[0]
+    assert section.count('<tr><th scope="row"') >= 28
+    own = report.render(replace(FULL, agreement=None))
+    assert "every figure of the paper" not in own

@@ -94,6 +94,8 @@ def changed(config, path, value):
         (("figures", "13", "data"), None, "key 'figures.13.data' is missing"),
         (("figures", "11", "samples"), None, "key 'figures.11.samples' is missing"),
         (("figures", "28", "sections"), None, "key 'figures.28.sections' is missing"),
+        (("figures", "30", "sets"), ["set9"], "figures.30: no parameter set 'set9'.*set1, set2"),
+        (("figures", "30", "scanner"), "VLP-16", "figures.30: 'VLP-16' has no parameter set.*HDL"),
         (("figures", "28", "set"), "set9", "no parameter set 'set9' of 'HDL-64E'.*set1, set2"),
         (("simulation",), None, "figures.28: one map of the simulated world's building"),
         (("survey",), None, "'survey' is missing"),

@@ -219,6 +219,10 @@ CHANGES = {
     ),
     f"{FIGURE}.data": change("figures.13.data", "validation", figure("selection", "13")),
     f"{FIGURE}.laser": change("figures.18.laser", 2, "results/figures/figure_18.csv"),
+    f"{FIGURE}.sets": change(
+        "figures.30.sets", ["set2"], figure("sets", "30", "draw_corrections"),
+        figure("adjustments", "30", "draw_corrections"),
+    ),
     f"{FIGURE}.set": change("figures.28.set", "set2", Given("map_building", "refined")),
     f"{MAP}.x_m": change("figures.28.sections.a.x_m", [0.5, 5], DRAWN),
     f"{MAP}.y_m": change("figures.28.sections.a.y_m", [8, 9], DRAWN),

@@ -1,18 +1,13 @@
 # What people look at.
 #
-# in:   {results}/statistics/*.csv, {results}/residuals, ledgers
+# in:   {results}/statistics/*.csv, figures, ledgers
 # out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
-#       {results}/figures/figure_NN.{svg,png,csv}
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
 #       {results}/published/misses.csv       those outside their tolerance, with the known reason;
 #                                            the run fails if another one is outside
 #       {results}/report.html                all of it on one page that needs no network
 
 from velocal.paper.printed import KNOWN_MISSES
-
-LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
-HISTOGRAMS = figures_of("histogram")
-
 
 TABLE_FILES = expand(
     f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
@@ -69,48 +64,6 @@ rule check_agreement:
         "../../scripts/check_agreement.py"
 
 
-rule draw_lasers:
-    input:
-        lasers=f"{RESULTS}/statistics/lasers.csv",
-        summary=f"{RESULTS}/statistics/summary.csv",
-    output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
-    log:
-        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(LASER_FIGURES),
-    params:
-        selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        simulated=bool(WORLD),
-    script:
-        "../../scripts/draw_lasers.py"
-
-
-rule draw_histogram:
-    input:
-        residuals=lambda wildcards: per_window(
-            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
-            HISTOGRAMS[wildcards.figure].samples,
-        ),
-    output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
-    log:
-        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(HISTOGRAMS),
-    params:
-        selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        simulated=bool(WORLD),
-    script:
-        "../../scripts/draw_histogram.py"
-
-
 rule write_report:
     input:
         ledgers=expand(
@@ -132,6 +85,7 @@ rule write_report:
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
+        outdoor_numbers=figure_files(OUTDOOR_FIGURES, ["csv"]),
     output:
         report_html=f"{RESULTS}/report.html",
     log:
@@ -152,6 +106,6 @@ rule write_report:
         ],
         set_names=[name for sets in STUDY.parameter_sets.values() for name in sets],
         field_samples=list(STUDY.unsurveyed),
-        outdoor_figures=list(OUTDOOR_FIGURES),
+        outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"

@@ -19,9 +19,10 @@ import pandas as pd
 from velocal.evaluation.candidates import IDENTITY
 from velocal.io import provenance
 from velocal.paper import agreement
+from velocal.paper.figures import figures as paper_figures
 from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, printed_rows
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
-from velocal.reporting.captions import caption
+from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
@@ -62,6 +63,29 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class OutdoorFigure:
+    """A figure of the outdoor validation.
+
+    Attributes
+    ----------
+    number : str
+        As in the file's name.
+    kind, scanner : str
+        Conditions and scanner of its samples.
+    numbers : DataFrame
+        What is plotted.
+    png : bytes
+        Picture.
+    """
+
+    number: str
+    kind: str
+    scanner: str
+    numbers: pd.DataFrame
+    png: bytes
+
+
+@dataclass(frozen=True)
 class Study:
     """What a study has found; whatever is empty has no section.
 
@@ -93,8 +117,8 @@ class Study:
         Its picture.
     outdoor : DataFrame or None
         Means of the outdoor validation.
-    outdoor_pictures : mapping of str to bytes
-        PNG of its figures, by number.
+    outdoor_figures : sequence of OutdoorFigure
+        Its figures.
     """
 
     title: str
@@ -112,7 +136,7 @@ class Study:
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
-    outdoor_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    outdoor_figures: Sequence[OutdoorFigure] = ()
 
 
 def render(study: Study) -> str:
@@ -161,6 +185,15 @@ def render(study: Study) -> str:
             }
             for figure in study.figures
         ],
+        "outdoor_figures": [
+            {
+                "number": figure.number,
+                "png": figure.png,
+                "caption": outdoor_caption(figure.kind, figure.scanner, figure.numbers),
+            }
+            for figure in study.outdoor_figures
+        ],
+        "of_paper": paper_figures() if cells else (),
         "surveys": [_survey(survey) for survey in study.surveys],
         "sets": {
             scanner: {

@@ -19,6 +19,7 @@ from velocal.study.config import (
     Observations,
     StudyConfig,
 )
+from velocal.study.figures import CorrectionsFigure, MapFigure, SampleFigure
 from velocal.study.model import Section, validated
 from velocal.study.outputs import Validation
 from velocal.study.reduction import Assignment
@@ -258,16 +259,13 @@ def _check_selections(study: Study, where: str) -> None:
     for key, table in config.tables.items():
         _check_names(study, f"tables.{key}", table.scanner, table.samples, where)
     for number, figure in config.figures.items():
-        samples = () if number in config.maps else figure.samples  # type: ignore[union-attr]
-        _check_names(study, f"figures.{number}", figure.scanner, samples, where)
-    for number, drawn in config.maps.items():
-        sets = study.parameter_sets.get(drawn.scanner, {})
-        if drawn.set not in sets:
-            raise ConfigError(
-                f"figures.{number}: no parameter set {drawn.set!r} of {drawn.scanner!r}",
-                where=where,
-                allowed=", ".join(sets),
-            )
+        place = f"figures.{number}"
+        if isinstance(figure, SampleFigure):
+            _check_names(study, place, figure.scanner, figure.samples, where)
+        elif isinstance(figure, MapFigure):
+            _check_sets(study, place, figure.scanner, [figure.set], where)
+        elif isinstance(figure, CorrectionsFigure):
+            _check_sets(study, place, figure.scanner, figure.sets, where)
     if config.unsurveyed:
         for name in config.unsurveyed.patches:
             if name not in study.unsurveyed:
@@ -292,6 +290,24 @@ def _check_names(study: Study, key: str, scanner: str, samples: Iterable[str], w
                 else (f"no sample {name!r}")
             )
             raise ConfigError(f"{key}: {what}", where=where, allowed=", ".join(known))
+
+
+def _check_sets(study: Study, key: str, scanner: str, names: Iterable[str], where: str) -> None:
+    """Check that a key names a scanner with parameter sets, and sets of it."""
+    if scanner not in study.parameter_sets:
+        raise ConfigError(
+            f"{key}: {scanner!r} has no parameter set",
+            where=where,
+            allowed=", ".join(study.parameter_sets),
+        )
+    sets = study.parameter_sets[scanner]
+    for name in names:
+        if name not in sets:
+            raise ConfigError(
+                f"{key}: no parameter set {name!r} of {scanner!r}",
+                where=where,
+                allowed=", ".join(sets),
+            )
 
 
 def _check_methods(study: Study, methods: Methods, where: str) -> None:

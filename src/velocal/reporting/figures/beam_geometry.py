@@ -239,8 +239,9 @@ def _lasers(ax: Axes, numbers: pd.DataFrame) -> None:
     ax.set_xlabel("nominal α [deg]")
     ax.set_ylabel("nominal v [deg]", labelpad=1.0)
     ax.set_title("all lasers", fontweight="normal", fontsize=8.5)
-    top = float(rows["y"].max())
-    ax.set_ylim(float(rows["y"].min()) - 1.5, top + 2.5 + 3.0 * len(blocks))
+    low, high = float(rows["y"].min()), float(rows["y"].max())
+    # Room for the legend above the lasers.
+    ax.set_ylim(low - 0.05 * (high - low), high + (0.08 + 0.09 * len(blocks)) * (high - low))
     ax.legend(loc="upper center", fontsize=7.0, borderpad=0.2, handletextpad=0.1)
 
 

@@ -220,7 +220,8 @@ def _over(ax: Axes, part: str, left: float, right: float, text: str) -> None:
 
 def _under(ax: Axes, part: str, text: str) -> None:
     ax.text(_LEFT + _WIDTH, _TOP[part] - _HEIGHT - 1.2, text, ha="right", va="top", fontsize=7.0,
-            color=DARK)  # fmt: skip
+            color=DARK, bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "alpha": 0.85,
+                              "linewidth": 0.0})  # fmt: skip
 
 
 def _inside(ax: Axes, part: str, span: Span, text: str, *, fontsize: float = 8.0) -> None:

@@ -1,5 +1,8 @@
 # From medians on surveyed planes to parameter sets.
 #
+# A parameter set is a mean of the adjustments of single windows, as in the paper. A calibration is
+# one adjustment of all lasers, stations and planes of a unit.
+#
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
@@ -7,14 +10,20 @@
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
 #                                                          yaml and db.xml for drivers (`export`)
+#       {results}/parameter_sets/{scanner}/{calibration}.*   the same of a calibration
+#       {results}/calibrations/{scanner}/{calibration}.json  population, stations, noise, verdict
+#       {results}/calibrations/{scanner}/{calibration}.csv   corrections, standard deviations and
+#                                                            the share from the data, per laser
+#       {results}/calibrations/{scanner}/{calibration}.hold_out.csv   what was held out, before
+#                                                                     and after
 #       {results}/parameter_sets/{scanner}/{set}.scatter.csv   means, plain and weighted; scatter of
 #                                                          the samples against what is stated
 
 
 SETS = [
     f"{RESULTS}/parameter_sets/{scanner}/{name}"
-    for scanner, sets in STUDY.parameter_sets.items()
-    for name in sets
+    for scanner in STUDY.scanners
+    for name in STUDY.candidates(scanner)
 ]
 SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
 
@@ -52,6 +61,42 @@ rule adjust_lasers:
         "../../scripts/adjust_lasers.py"
 
 
+rule adjust_unit:
+    input:
+        medians=lambda wildcards: per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        surveys=lambda wildcards: at_positions(
+            f"{RESULTS}/survey/{{position}}.json",
+            samples_of_calibration(wildcards),
+        ),
+        calibration=lambda wildcards: factory_path(wildcards.scanner),
+    output:
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.csv",
+        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.json",
+        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.yaml",
+        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.xml",
+        unit=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.json",
+        lasers=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.csv",
+        hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.hold_out.csv",
+    log:
+        f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{calibration}}.log",
+    wildcard_constraints:
+        calibration=one_of(
+            [name for sets in STUDY.calibrations.values() for name in sets]
+        ),
+    params:
+        positions=lambda wildcards: positions_per_window(
+            samples_of_calibration(wildcards)
+        ),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
+        joint=SETTINGS.joint.plain(),
+        export=SETTINGS.export.plain(),
+    script:
+        "../../scripts/adjust_unit.py"
+
+
 rule average_set:
     input:
         adjustments=lambda wildcards: per_window(
@@ -72,6 +117,10 @@ rule average_set:
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
     localrule: True
+    wildcard_constraints:
+        parameter_set=one_of(
+            [name for sets in STUDY.parameter_sets.values() for name in sets]
+        ),
     params:
         weights=lambda wildcards: STUDY.average,
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),

@@ -17,6 +17,8 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.calibration.dialects import FAR_M
 from velocal.scanner.models import Scanner
 from velocal.study.model import (
     NotNegative,
@@ -62,6 +64,28 @@ class Prior(Section):
             "scale": (self.scale_cm_per_m, 1e-2),
         }
         return {name: std * unit for name, (std, unit) in all_of_them.items() if std is not None}
+
+
+class Joint(Section):
+    """Adjustment of all lasers, stations and planes of a unit together."""
+
+    prior: Prior | None = Field(
+        default=None,
+        description="standard deviations of the factory's values where they are known; without "
+        "them they are learnt from the lasers of the unit",
+    )
+
+    def settings(self, scanner: Scanner) -> UnitSettings:
+        """Settings in metres and radians.
+
+        Parameters
+        ----------
+        scanner : Scanner
+        """
+        return UnitSettings(
+            prior=self.prior.std() if self.prior else None,
+            far_point_m=FAR_M if scanner.has_factory_file else None,
+        )
 
 
 class ScannerAdjustment(Section):

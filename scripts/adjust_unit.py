@@ -60,7 +60,9 @@ def main(
     for path, program in ((yaml, export.yaml), (xml, export.xml)):
         write_calibration(path, found, known, program=program, distance=export.distance)
     storage.write_json(unit, to_plain(found))
-    storage.write_csv(lasers, found.unit.to_columns())
+    columns = found.unit.calibration.to_columns()
+    shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)
+    storage.write_csv(lasers, columns | {f"{name}_from_data": each for name, each in shares})
     storage.write_csv(hold_out, to_columns(found.hold_out))
 
 

@@ -173,7 +173,9 @@ def unit_stations(
         windows = [(beams, each) for beams, each in recordings if each.position == name]
         station = windows[0][1]
         parts = [observe(beams, station, parameters, chosen) for beams, _ in windows]
-        meeting = [assigned_rows(beams, parameters, station.patches, anything) for beams, _ in windows]
+        meeting = [
+            assigned_rows(beams, parameters, station.patches, anything) for beams, _ in windows
+        ]
         expected = np.sum(
             [np.bincount(rows["laser_id"], minlength=len(parameters)) for rows in meeting], axis=0
         )
@@ -241,9 +243,7 @@ def calibrate_unit(
         return unit_stations(recordings, parameters, limits)
 
     unit = readjust(assign, factory, settings)
-    return JudgedCalibration(
-        unit, hold_out(assign(unit.calibration.adjusted), factory, adjusted)
-    )
+    return JudgedCalibration(unit, hold_out(assign(unit.calibration.adjusted), factory, adjusted))
 
 
 def residuals(

@@ -31,8 +31,8 @@ class Candidate:
     role : Role
     parameters : LaserParameters
     parameter_set : str
-        Name of the parameter set or calibration; empty for the other roles. Any name is possible, because
-        names and roles are in two columns.
+        Name of the parameter set or calibration; empty for the other roles. Any name is possible,
+        because names and roles are in two columns.
 
     Raises
     ------

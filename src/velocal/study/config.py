@@ -195,7 +195,8 @@ class StudyConfig(Section):
         default=Joint(), description="settings of `calibrations`; none of them is necessary"
     )
     export: Export = Field(
-        default=Export(), description="programs that the files of parameter sets and calibrations are for"
+        default=Export(),
+        description="programs that the files of parameter sets and calibrations are for",
     )
     validation: Validation | None = Field(default=None, description="residuals of single scans")
     compare_with_paper: bool = Field(

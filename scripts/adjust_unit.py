@@ -1,6 +1,7 @@
 """Adjust all lasers, stations and planes of a unit together, and export the calibration."""
 
 from pathlib import Path
+from typing import Any
 
 from velocal import __version__
 from velocal.calibration.files import formats
@@ -60,9 +61,9 @@ def main(
     for path, program in ((yaml, export.yaml), (xml, export.xml)):
         write_calibration(path, found, known, program=program, distance=export.distance)
     storage.write_json(unit, to_plain(found))
-    columns = found.unit.calibration.to_columns()
+    table: dict[str, Any] = {**found.unit.calibration.to_columns()}
     shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)
-    storage.write_csv(lasers, columns | {f"{name}_from_data": each for name, each in shares})
+    storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})
     storage.write_csv(hold_out, to_columns(found.hold_out))
 
 

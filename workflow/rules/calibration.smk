@@ -16,6 +16,9 @@
 #                                                            the share from the data, per laser
 #       {results}/calibrations/{scanner}/{calibration}.hold_out.csv   what was held out, before
 #                                                                     and after
+#       {results}/calibrations/verdicts.txt                  the verdicts on all calibrations; the run
+#                                                            fails at its end if one is not better
+#                                                            than the factory's
 #       {results}/parameter_sets/{scanner}/{set}.scatter.csv   means, plain and weighted; scatter of
 #                                                          the samples against what is stated
 
@@ -25,6 +28,12 @@ SETS = [
     for scanner in STUDY.scanners
     for name in STUDY.candidates(scanner)
 ]
+CALIBRATIONS = [
+    f"{scanner}/{name}"
+    for scanner, calibrations in STUDY.calibrations.items()
+    for name in calibrations
+]
+VERDICTS = f"{RESULTS}/calibrations/verdicts.txt" if CALIBRATIONS else []
 SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
 
 
@@ -95,6 +104,21 @@ rule adjust_unit:
         export=SETTINGS.export.plain(),
     script:
         "../../scripts/adjust_unit.py"
+
+
+rule judge_calibrations:
+    input:
+        units=expand(f"{RESULTS}/calibrations/{{name}}.json", name=CALIBRATIONS),
+        report=f"{RESULTS}/report.html",
+    output:
+        verdicts=f"{RESULTS}/calibrations/verdicts.txt",
+    log:
+        f"{RESULTS}/logs/judge_calibrations.log",
+    localrule: True
+    params:
+        names=CALIBRATIONS,
+    script:
+        "../../scripts/judge_calibrations.py"
 
 
 rule average_set:

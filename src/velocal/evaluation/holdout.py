@@ -6,7 +6,7 @@ share the pose of the scanner, so that they are a weaker check.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -18,6 +18,7 @@ from velocal.adjustment.observations import Observations
 from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
+from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
 
 #: Confidence of the interval that decides.
@@ -33,6 +34,14 @@ class Verdict(StrEnum):
     NO_DIFFERENCE = "no difference shown"
     WORSE = "worse"  #: they are larger
     NOT_JUDGED = "not judged"  #: nothing could be held out
+
+
+#: Why a calibration is not recommended.
+_WHY = {
+    Verdict.NO_DIFFERENCE: "it is not shown to be better than the factory's on what was held out",
+    Verdict.WORSE: "it is worse than the factory's on what was held out",
+    Verdict.NOT_JUDGED: "nothing could be held out to judge it: there is one plane only",
+}
 
 
 @dataclass(frozen=True)
@@ -183,6 +192,35 @@ def hold_out(
     return HoldOut(
         tuple(parts), _gain([shown for shown, _ in residuals]), _gain([own for _, own in residuals])
     )
+
+
+def judge(found: Mapping[str, JudgedCalibration]) -> str:
+    """Put the verdicts on calibrations into words.
+
+    Parameters
+    ----------
+    found : mapping of str to JudgedCalibration
+        By the name that the text gives them.
+
+    Returns
+    -------
+    str
+        One paragraph per calibration.
+
+    Raises
+    ------
+    VelocalError
+        If a calibration is not better on what was held out.
+    """
+    for name, each in found.items():
+        if not each.recommended:
+            raise VelocalError(
+                f"{_WHY[each.hold_out.verdict]}\n{each.summary()}",
+                where=f"calibration {name}",
+                hint="Keep the factory's file: the files for programs contain its values. The "
+                "report shows what was held out; docs/how-to.md tells what a survey needs.",
+            )
+    return "\n".join(f"{name}: {each.summary()}\n" for name, each in found.items())
 
 
 def to_columns(found: HoldOut) -> dict[str, list[Any]]:

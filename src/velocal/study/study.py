@@ -293,12 +293,12 @@ def _check_selections(study: Study, where: str) -> None:
         samples = () if number in config.maps else figure.samples  # type: ignore[union-attr]
         _check_names(study, f"figures.{number}", figure.scanner, samples, where)
     for number, drawn in config.maps.items():
-        sets = study.candidates(drawn.scanner)
-        if drawn.set not in sets:
+        known = study.candidates(drawn.scanner)
+        if drawn.set not in known:
             raise ConfigError(
                 f"figures.{number}: no parameter set {drawn.set!r} of {drawn.scanner!r}",
                 where=where,
-                allowed=", ".join(sets),
+                allowed=", ".join(known),
             )
     if config.unsurveyed:
         for name in config.unsurveyed.patches:

@@ -28,7 +28,7 @@ def main(
     json: Path,
     yaml: Path,
     xml: Path,
-    unit: Path,
+    judged: Path,
     lasers: Path,
     hold_out: Path,
     scanner: str,
@@ -60,7 +60,7 @@ def main(
         formats.write(path, as_file(found, known, {"velocal": __version__, **sources}))
     for path, program in ((yaml, export.yaml), (xml, export.xml)):
         write_calibration(path, found, known, program=program, distance=export.distance)
-    storage.write_json(unit, to_plain(found))
+    storage.write_json(judged, to_plain(found))
     table: dict[str, Any] = {**found.unit.calibration.to_columns()}
     shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)
     storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})

@@ -82,17 +82,17 @@ rule adjust_unit:
         ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
-        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.csv",
-        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.json",
-        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.yaml",
-        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{calibration}}.xml",
-        unit=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.json",
-        lasers=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.csv",
-        hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{calibration}}.hold_out.csv",
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
+        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
+        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.yaml",
+        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.xml",
+        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+        lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
+        hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",
     log:
-        f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{calibration}}.log",
+        f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{unit}}.log",
     wildcard_constraints:
-        calibration=one_of(
+        unit=one_of(
             [name for sets in STUDY.calibrations.values() for name in sets]
         ),
     params:

@@ -122,7 +122,7 @@ def samples_of_set(wildcards):
 
 
 def samples_of_calibration(wildcards):
-    return STUDY.calibrations[wildcards.scanner][wildcards.calibration]
+    return STUDY.calibrations[wildcards.scanner][wildcards.unit]
 
 
 def unit_of(wildcards):

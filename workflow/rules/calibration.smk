@@ -16,6 +16,7 @@
 #                                                            the share from the data, per laser
 #       {results}/calibrations/{scanner}/{calibration}.hold_out.csv   what was held out, before
 #                                                                     and after
+#       {results}/certificate.{json,html}                    results, uncertainty, traceability
 #       {results}/calibrations/verdicts.txt                  the verdicts on all calibrations; the run
 #                                                            fails at its end if one is not better
 #                                                            than the factory's
@@ -32,6 +33,18 @@ CALIBRATIONS = [
     f"{scanner}/{name}"
     for scanner, calibrations in STUDY.calibrations.items()
     for name in calibrations
+]
+CERTIFICATES = expand(
+    f"{RESULTS}/certificate.{{suffix}}", suffix=("json", "html") if CALIBRATIONS else ()
+)
+CERTIFIED = [
+    name
+    for name in STUDY.surveyed
+    if any(
+        name in samples
+        for sets in STUDY.calibrations.values()
+        for samples in sets.values()
+    )
 ]
 VERDICTS = f"{RESULTS}/calibrations/verdicts.txt" if CALIBRATIONS else []
 SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
@@ -92,9 +105,7 @@ rule adjust_unit:
     log:
         f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{unit}}.log",
     wildcard_constraints:
-        unit=one_of(
-            [name for sets in STUDY.calibrations.values() for name in sets]
-        ),
+        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
     params:
         positions=lambda wildcards: positions_per_window(
             samples_of_calibration(wildcards)
@@ -104,6 +115,37 @@ rule adjust_unit:
         export=SETTINGS.export.plain(),
     script:
         "../../scripts/adjust_unit.py"
+
+
+rule write_certificate:
+    input:
+        units=expand(f"{RESULTS}/calibrations/{{name}}.json", name=CALIBRATIONS),
+        recordings=[STUDY.samples[sample].recording for sample in CERTIFIED],
+        ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=CERTIFIED),
+        surveys=at_positions(f"{RESULTS}/survey/{{position}}.json", CERTIFIED),
+        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+    output:
+        json=f"{RESULTS}/certificate.json",
+        html=f"{RESULTS}/certificate.html",
+    log:
+        f"{RESULTS}/logs/write_certificate.log",
+    params:
+        names=[name for sets in STUDY.calibrations.values() for name in sets],
+        scanners=[scanner for scanner, sets in STUDY.calibrations.items() for _ in sets],
+        samples=[
+            list(samples)
+            for sets in STUDY.calibrations.values()
+            for samples in sets.values()
+        ],
+        sample_names=CERTIFIED,
+        positions=[STUDY.samples[sample].position for sample in CERTIFIED],
+        factory_scanners=[
+            name for name, path in STUDY.factories.items() if path != NOMINAL
+        ],
+        serials=SETTINGS.serials,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/write_certificate.py"
 
 
 rule judge_calibrations:
@@ -140,11 +182,11 @@ rule average_set:
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
-    localrule: True
     wildcard_constraints:
         parameter_set=one_of(
             [name for sets in STUDY.parameter_sets.values() for name in sets]
         ),
+    localrule: True
     params:
         weights=lambda wildcards: STUDY.average,
         samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),

@@ -60,7 +60,9 @@ rule measure_panels:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
     params:
         sample=lambda wildcards: outdoor_sample(wildcards).plain(),
-        candidates=lambda wildcards: list(STUDY.candidates(outdoor_sample(wildcards).scanner)),
+        candidates=lambda wildcards: list(
+            STUDY.candidates(outdoor_sample(wildcards).scanner)
+        ),
         units=lambda wildcards: list(
             STUDY.calibrations.get(outdoor_sample(wildcards).scanner, {})
         ),

@@ -50,7 +50,9 @@ rule residuals_validation:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        candidates=lambda wildcards: list(STUDY.candidates(sample_of(wildcards).scanner)),
+        candidates=lambda wildcards: list(
+            STUDY.candidates(sample_of(wildcards).scanner)
+        ),
         units=lambda wildcards: list(
             STUDY.calibrations.get(sample_of(wildcards).scanner, {})
         ),

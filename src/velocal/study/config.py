@@ -191,6 +191,9 @@ class StudyConfig(Section):
         description="samples on which all lasers, stations and planes of a unit are adjusted "
         "together to one calibration; its files lie beside those of the parameter sets",
     )
+    serials: dict[ScannerName, Text] = Field(
+        default={}, description="serial number of a scanner, for its certificate"
+    )
     joint: Joint = Field(
         default=Joint(), description="settings of `calibrations`; none of them is necessary"
     )

@@ -252,6 +252,7 @@ def _check_scanners(study: Study, where: str) -> None:
         ("reduction.azimuth_bin_deg", study.config.reduction.azimuth_bin_deg, all_of_them),
         ("parameter_sets", study.parameter_sets, study.scanners),
         ("calibrations", study.calibrations, study.scanners),
+        ("serials", study.config.serials, study.scanners),
     ):
         for scanner in named:
             if scanner not in known:

@@ -7,7 +7,7 @@ from velocal import __version__
 from velocal.adjustment.average import Member, average, scatter_columns
 from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files import formats
-from velocal.chain import as_file, write_calibration
+from velocal.exports import as_file, write_calibration
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.scanner.models import scanner_named

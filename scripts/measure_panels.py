@@ -26,24 +26,26 @@ def main(
     ledger: Path,
     panels: Path,
     sample: OutdoorSample,
-    parameter_sets: list[str],
+    candidates: list[str],
+    units: list[str],
     boxes: Mapping[str, Panel],
     fit: PanelFit,
 ) -> None:
     """Write the ledger as JSON and the root mean squares of s as CSV.
 
-    Sets are the files of `parameter_sets` in order.
+    Sets are the files of `candidates` in order.
     """
     known = scanner_named(sample.scanner)
     opened = open_recording(recording, known)
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.from_beams(opened.returns("all").beams(), factory)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
-    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
+    sets_by_name = dict(zip(candidates, parameters, strict=True))
+    compared = with_sets(factory, sets_by_name, units)
     place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
     planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
     heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
-    rows = [heading | row for row in panel_rows(cloud, planes, candidates)]
+    rows = [heading | row for row in panel_rows(cloud, planes, compared)]
     storage.write_csv(panels, pd.DataFrame(rows))
     facts = {"file": recording.name, "scanner": known.name, **opened.scan().as_dict()}
     storage.write_json(ledger, facts | {"remarks": opened.remarks})

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from velocal.adjustment.result import CalibrationSet
-from velocal.calibration.files.formats import read_or_nominal
+from velocal.calibration.files import formats
 from velocal.evaluation.candidates import Candidate, Role
 from velocal.evaluation.statistics import statistics_table
 from velocal.io import schemas, storage
@@ -16,7 +16,7 @@ from velocal.survey.station import read_station
 def main(
     *,
     assigned: Path,
-    adjustment: Path,
+    adjusted: Path,
     survey: Path,
     calibration: Path | None,
     residuals: Path,
@@ -24,21 +24,32 @@ def main(
     sample: str,
     window: str,
     scanner: str,
+    unit: str,
     sigma_cm: float,
 ) -> None:
-    """Write s of every median as Parquet and its statistics per laser as CSV."""
+    """Write s of every median as Parquet and its statistics per laser as CSV.
+
+    `adjusted` is the file of the calibration `unit`, or the window's own adjustment without one.
+    """
     known = scanner_named(scanner)
     columns, facts = storage.read_table(assigned, schemas.ASSIGNED)
     data = read_station(survey).observations(columns)
-    factory = read_or_nominal(calibration, known)
-    adjusted = CalibrationSet.from_columns(storage.read_csv(adjustment), factory).adjusted
+    factory = formats.read_or_nominal(calibration, known)
+    after = (
+        Candidate(Role.UNIT, formats.read(adjusted, known.n_lasers), unit)
+        if unit
+        else Candidate(
+            Role.WINDOW,
+            CalibrationSet.from_columns(storage.read_csv(adjusted), factory).adjusted,
+        )
+    )
     xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}
     rows |= dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True))
-    rows |= {"before_m": data.misclosure(factory), "after_m": data.misclosure(adjusted)}
+    rows |= {"before_m": data.misclosure(factory), "after_m": data.misclosure(after.parameters)}
     storage.write_table(residuals, schemas.RESIDUALS, rows, **facts)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "calibration"}
-    candidates = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, adjusted)]
+    candidates = [Candidate(Role.FACTORY, factory), after]
     table = statistics_table(heading, candidates, data, sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 

@@ -1,4 +1,4 @@
-"""Residuals of single scans with the factory's parameters and with every parameter set."""
+"""Residuals of single scans with the factory's parameters, and with every set and calibration."""
 
 from pathlib import Path
 
@@ -25,11 +25,12 @@ def main(
     sample: str,
     window: str,
     scanner: str,
-    parameter_sets: list[str],
+    candidates: list[str],
+    units: list[str],
     limits: AssignmentLimits,
     validation: Validation,
 ) -> None:
-    """Write the statistics per laser as CSV; sets are the files of `parameter_sets` in order."""
+    """Write the statistics per laser as CSV; sets are the files of `candidates` in order."""
     known = scanner_named(scanner)
     station = read_station(survey)
     rotations = validation.rotations
@@ -40,9 +41,10 @@ def main(
     rows = assigned_rows(beams, factory, station.patches, limits.metric())
     data = station.observations(rows)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
-    candidates = with_sets(factory, dict(zip(parameter_sets, parameters, strict=True)))
+    sets_by_name = dict(zip(candidates, parameters, strict=True))
+    compared = with_sets(factory, sets_by_name, units)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
-    table = statistics_table(heading, candidates, data, validation.sigma_cm * 1e-2)
+    table = statistics_table(heading, compared, data, validation.sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 
 

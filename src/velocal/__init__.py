@@ -9,10 +9,9 @@ A calibration from Python, in the order of the work::
         "planes.csv", "base_scanner.csv", "base_field.csv", position="P1", scanner="HDL-64E"
     )
     factory = velocal.read_parameters("factory.xml", "HDL-64E")
-    windows = [recording.medians(window) for window in ("beginning", "middle", "end")]
-    found = velocal.average([velocal.calibrate(one, station, factory) for one in windows])
+    found = velocal.calibrate_unit([(recording.medians("all"), station)], factory)
     print(found.summary())
-    velocal.write_calibration("refined.xml", found, "HDL-64E", program="veloview")
+    velocal.write_calibration("refined.csv", found, "HDL-64E")
 
 Only the names of `__all__` are public; every other module may change without notice. They are
 imported when they are used for the first time, so that `import velocal` is quick.
@@ -36,11 +35,12 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.calibration.lint import lint as lint
     from velocal.capture.ledger import Ledger as Ledger
     from velocal.chain import calibrate as calibrate
-    from velocal.chain import read_parameters as read_parameters
+    from velocal.chain import calibrate_unit as calibrate_unit
     from velocal.chain import residuals as residuals
-    from velocal.chain import write_calibration as write_calibration
     from velocal.errors import VelocalError as VelocalError
     from velocal.evaluation.statistics import LaserStatistics as LaserStatistics
+    from velocal.exports import read_parameters as read_parameters
+    from velocal.exports import write_calibration as write_calibration
     from velocal.points.stream import stream_points as stream_points
     from velocal.recording.recording import Recording as Recording
     from velocal.recording.recording import open_recording as open_recording
@@ -79,17 +79,18 @@ _PLACES = {
     "adjust_station": "survey.station",
     "average": "adjustment.average",
     "calibrate": "chain",
+    "calibrate_unit": "chain",
     "convert": "calibration.convert",
     "lint": "calibration.lint",
     "max_point_distance": "calibration.convert",
     "open_recording": "recording.recording",
     "read_calibration": "calibration.files.formats",
-    "read_parameters": "chain",
+    "read_parameters": "exports",
     "read_station": "survey.station",
     "read_targets": "survey.targets",
     "residuals": "chain",
     "stream_points": "points.stream",
-    "write_calibration": "chain",
+    "write_calibration": "exports",
 }
 
 __all__ = [*_PLACES, "__version__"]

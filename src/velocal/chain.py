@@ -6,20 +6,24 @@ study call them too, so that there is one chain only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.stochastic import SurveyUncertainty
-from velocal.calibration.convert import for_program
-from velocal.calibration.files import formats
-from velocal.calibration.files.document import CalibrationFile
+from velocal.adjustment.unit.adjust import adjust_unit, readjust
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.adjustment.unit.station import UnitStation
+from velocal.arrays import joined_rows
+from velocal.evaluation.holdout import JudgedCalibration, hold_out
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
 from velocal.reduction.assignment import Limits, assigned_rows
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import Scanner, scanner_named
+from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import LaserParameters
 from velocal.study.adjustment import Adjustment
 from velocal.survey.station import Station
@@ -95,7 +99,10 @@ def calibrate(
     settings: Adjustment | None = None,
     limits: Limits | None = None,
 ) -> CalibrationSet:
-    """Calibrate a scanner on the planes of one station.
+    """Calibrate a scanner on the planes of one station, each laser on its own.
+
+    This is the adjustment of the paper and of the literature. `calibrate_unit` adjusts all lasers,
+    stations and planes together; it is the one to use for work.
 
     Parameters
     ----------
@@ -135,6 +142,108 @@ def calibrate(
     chosen = settings or Adjustment.recommended(scanner_named(station.scanner))
     data = observe(medians, station, factory, limits)
     return adjust(data, factory, chosen, [station.uncertainty()])
+
+
+def unit_stations(
+    recordings: Sequence[tuple[Beams, Station]],
+    parameters: LaserParameters,
+    limits: Limits | None = None,
+) -> list[UnitStation]:
+    """Put all medians at a station together, each with the plane that it hit.
+
+    Parameters
+    ----------
+    recordings : sequence of (Beams, Station)
+        Medians of every window, and the station where they were recorded.
+    parameters : LaserParameters
+        Calibration that decides what hit which plane.
+    limits : Limits, optional
+        Limits of the assignment; `Limits()` if left out.
+
+    Returns
+    -------
+    list of UnitStation
+        In the order in which they occur.
+    """
+    chosen = limits or Limits()
+    # A beam that meets a plane inside its hull, whatever it measured, should have hit it.
+    anything = replace(chosen, distance_m=np.inf)
+    found = []
+    for name in dict.fromkeys(station.position for _, station in recordings):
+        windows = [(beams, each) for beams, each in recordings if each.position == name]
+        station = windows[0][1]
+        parts = [observe(beams, station, parameters, chosen) for beams, _ in windows]
+        meeting = [
+            assigned_rows(beams, parameters, station.patches, anything) for beams, _ in windows
+        ]
+        expected = np.sum(
+            [np.bincount(rows["laser_id"], minlength=len(parameters)) for rows in meeting], axis=0
+        )
+        found.append(
+            UnitStation(
+                name,
+                joined_rows(parts),
+                station.uncertainty(),
+                tuple(patch.name for patch in station.patches),
+                station.pose,
+                expected.astype(np.float64),
+            )
+        )
+    return found
+
+
+def calibrate_unit(
+    recordings: Sequence[tuple[Beams, Station]],
+    factory: LaserParameters,
+    *,
+    settings: UnitSettings | None = None,
+    limits: Limits | None = None,
+) -> JudgedCalibration:
+    """Calibrate a scanner on all its stations: lasers, poses and planes are adjusted together.
+
+    Parameters
+    ----------
+    recordings : sequence of (Beams, Station)
+        Medians of every window (`Recording.medians`), and the station where they were recorded.
+        Several recordings may be of one station.
+    factory : LaserParameters
+        Initial parameters, to which the corrections will belong.
+    settings : UnitSettings, optional
+        What is known beforehand; nothing has to be.
+    limits : Limits, optional
+        What a median must satisfy to belong to a plane; `Limits()` if left out.
+
+    Returns
+    -------
+    JudgedCalibration
+        The calibration, and what it gains on stations (or planes) that were held out.
+
+    Raises
+    ------
+    VelocalError
+        If no median lies on a plane.
+
+    Examples
+    --------
+    >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
+    >>> station = velocal.read_station("station.json")
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> medians = recording.medians("all", min_count=3)
+    >>> found = velocal.calibrate_unit([(medians, station)], factory)
+    >>> found.hold_out.by
+    'plane'
+    >>> found.unit.calibration.names
+    ('dl', 'alpha', 'v')
+    """
+
+    def adjusted(stations: Sequence[UnitStation]) -> LaserParameters:
+        return adjust_unit(stations, factory, settings).calibration.adjusted
+
+    def assign(parameters: LaserParameters) -> list[UnitStation]:
+        return unit_stations(recordings, parameters, limits)
+
+    unit = readjust(assign, factory, settings)
+    return JudgedCalibration(unit, hold_out(assign(unit.calibration.adjusted), factory, adjusted))
 
 
 def residuals(
@@ -181,116 +290,3 @@ def residuals(
     data = observe(beams, station, factory or parameters, limits)
     s = data.misclosure(parameters)
     return laser_statistics(s, data.laser_id, len(parameters), sigma_m)
-
-
-def read_parameters(path: str | Path | None, scanner: str | Scanner) -> LaserParameters:
-    """Read a calibration file of any format as parameters of the beam equations (1) to (3).
-
-    Numbers that were written for another program are converted.
-
-    Parameters
-    ----------
-    path : str, Path or None
-        Velodyne's XML, a ROS driver's YAML, or CSV or JSON of velocal; None for the nominal values
-        of the scanner.
-    scanner : str or Scanner
-        Whose file it is, such as "HDL-64E".
-
-    Returns
-    -------
-    LaserParameters
-        Metres and radians.
-
-    Raises
-    ------
-    CalibrationFileError
-        If the file is missing, damaged, or of another scanner.
-    ConfigError
-        If no scanner has that name.
-
-    Examples
-    --------
-    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
-    >>> len(factory)
-    32
-    """
-    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
-    return formats.read_or_nominal(None if path is None else Path(path), known)
-
-
-def as_file(
-    found: CalibrationSet, scanner: Scanner, provenance: Mapping[str, object] | None = None
-) -> CalibrationFile:
-    """Put a calibration set into the form of a calibration file, with all that is known of it.
-
-    Parameters
-    ----------
-    found : CalibrationSet
-        Calibration of one scanner.
-    scanner : Scanner
-        That scanner.
-    provenance : mapping of str to object, optional
-        Where the numbers come from.
-
-    Returns
-    -------
-    CalibrationFile
-        Numbers of the dialect ``paper``, with standard deviations and covariances.
-    """
-    return CalibrationFile(
-        found.adjusted,
-        "paper",
-        scanner.name,
-        scanner.distance_tick_m,
-        std=found.std_by_name(),
-        covariance=found.covariance_by_pair(),
-        provenance=provenance or {},
-    )
-
-
-def write_calibration(
-    path: str | Path,
-    calibration: CalibrationSet | LaserParameters,
-    scanner: str | Scanner,
-    *,
-    program: str | None = None,
-) -> None:
-    """Write a calibration file; the suffix of its name decides the format.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.xml`` (Velodyne's format), ``.yaml`` (ROS drivers), ``.csv`` or ``.json`` (velocal, with
-        standard deviations).
-    calibration : CalibrationSet or LaserParameters
-        What is written.
-    scanner : str or Scanner
-        Whose calibration it is.
-    program : str, optional
-        Program that will read the file, one of `DIALECTS`, since programs compute points
-        differently; by format "veloview", "ros", or our own equations if left out.
-
-    Raises
-    ------
-    CalibrationFileError
-        If the suffix is unknown, or a value is not finite.
-    ConfigError
-        If the scanner or the program is unknown.
-    DialectError
-        If the program cannot express the vertical offset of a laser.
-
-    Examples
-    --------
-    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
-    >>> velocal.write_calibration("copy.yaml", factory, "HDL-32E", program="ros")
-    >>> bool(velocal.read_calibration("copy.yaml").parameters.dl[0] == factory.dl[0])
-    True
-    """
-    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
-    name = program or formats.format_of(Path(path)).default or "paper"
-    if name == "paper" and isinstance(calibration, CalibrationSet):
-        formats.write(Path(path), as_file(calibration, known))
-        return
-    given = calibration.adjusted if isinstance(calibration, CalibrationSet) else calibration
-    converted = for_program(given, name)
-    formats.write(Path(path), CalibrationFile(converted, name, known.name, known.distance_tick_m))

@@ -42,6 +42,7 @@ def make_tiny(folder: Path) -> None:
     config["windows"]["rotations"] = 4
     config["reduction"]["min_count"] = 1
     config["parameter_sets"] = {"HDL-64E": {"set1": ["sa3"]}, "HDL-32E": {"set1": ["sa5"]}}
+    config["calibrations"] = {"HDL-32E": {"unit": ["sa5"]}}
     config["compare_with_paper"] = False
     del config["methods"]  # one position is too few
     config["tables"] = {

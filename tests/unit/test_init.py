@@ -20,6 +20,8 @@ GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"
 NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "unsurveyed", "by_scanner", "outdoor"}
 #: A surveyor who hands over observations finds them in config/README.md.
 NOT_WRITTEN |= {"observations"}
+#: The adjustment of single windows, as in the paper.
+NOT_WRITTEN |= {"adjustment"}
 #: Parameters and priors besides those that are adjusted at first, and choices of figures.
 OPTIONAL = {"voff_cm", "hoff_cm", "scale_cm_per_m", "laser"}
 #: Keys of the map.

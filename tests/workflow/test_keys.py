@@ -84,6 +84,8 @@ def offset(name: str) -> tuple[tuple[tuple[str, ...], Any], ...]:
     )
 
 
+UNIT = ((("calibrations",), {"HDL-64E": {"unit": ["sa3"]}}),)
+
 CHANGES = {
     "study": change("study", "Another title", Given("write_report", "title")),
     "simulation.rotations": change(
@@ -161,6 +163,22 @@ CHANGES = {
         Given("compare_methods", "scanner"),
     ),
     "methods.runs": change("methods.runs", 7, Given("coverage", "runs")),
+    "calibrations.{scanner}.{set}": change(
+        "calibrations", {"HDL-64E": {"unit": ["sa3"]}}, Given("adjust_unit", "positions"),
+        before=((("calibrations",), {"HDL-64E": {"unit": ["sa1", "sa3"]}}),),
+    ),
+    "serials.{scanner}": change(
+        "serials", {"HDL-64E": "17"}, Given("write_certificate", "serials"), before=UNIT
+    ),
+    **{
+        f"joint.prior.{key}": change(
+            f"joint.prior.{key}", 0.1, Given("adjust_unit", "joint"), before=UNIT
+        )
+        for key in ("dl_cm", "alpha_deg", "v_deg", "scale_cm_per_m")
+    },
+    "export.distance": change(
+        "export.distance", "single", Given("adjust_unit", "export"), before=UNIT
+    ),
     "methods.calibration": change(
         "methods", {"scanner": "HDL-64E", "calibration": ["sa1"], "other": ["sa3"]},
         Given("compare_methods", "calibrate_on"),

@@ -1,5 +1,8 @@
 # From medians on surveyed planes to parameter sets.
 #
+# A parameter set is a mean of the adjustments of single windows, as in the paper. A calibration is
+# one adjustment of all lasers, stations and planes of a unit.
+#
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
 #       {results}/adjustment/{sample}/{window}.csv         corrections, their standard deviation,
@@ -7,15 +10,43 @@
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
 #                                                          yaml and db.xml for drivers (`export`)
+#       {results}/parameter_sets/{scanner}/{calibration}.*   the same of a calibration
+#       {results}/calibrations/{scanner}/{calibration}.json  population, stations, noise, verdict
+#       {results}/calibrations/{scanner}/{calibration}.csv   corrections, standard deviations and
+#                                                            the share from the data, per laser
+#       {results}/calibrations/{scanner}/{calibration}.hold_out.csv   what was held out, before
+#                                                                     and after
+#       {results}/certificate.{json,html}                    results, uncertainty, traceability
+#       {results}/calibrations/verdicts.txt                  the verdicts on all calibrations; the run
+#                                                            fails at its end if one is not better
+#                                                            than the factory's
 #       {results}/parameter_sets/{scanner}/{set}.scatter.csv   means, plain and weighted; scatter of
 #                                                          the samples against what is stated
 
 
 SETS = [
     f"{RESULTS}/parameter_sets/{scanner}/{name}"
-    for scanner, sets in STUDY.parameter_sets.items()
-    for name in sets
+    for scanner in STUDY.scanners
+    for name in STUDY.candidates(scanner)
 ]
+CALIBRATIONS = [
+    f"{scanner}/{name}"
+    for scanner, calibrations in STUDY.calibrations.items()
+    for name in calibrations
+]
+CERTIFICATES = expand(
+    f"{RESULTS}/certificate.{{suffix}}", suffix=("json", "html") if CALIBRATIONS else ()
+)
+CERTIFIED = [
+    name
+    for name in STUDY.surveyed
+    if any(
+        name in samples
+        for sets in STUDY.calibrations.values()
+        for samples in sets.values()
+    )
+]
+VERDICTS = f"{RESULTS}/calibrations/verdicts.txt" if CALIBRATIONS else []
 SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
 
 
@@ -52,6 +83,86 @@ rule adjust_lasers:
         "../../scripts/adjust_lasers.py"
 
 
+rule adjust_unit:
+    input:
+        medians=lambda wildcards: per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        surveys=lambda wildcards: at_positions(
+            f"{RESULTS}/survey/{{position}}.json",
+            samples_of_calibration(wildcards),
+        ),
+        calibration=lambda wildcards: factory_path(wildcards.scanner),
+    output:
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
+        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
+        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.yaml",
+        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.xml",
+        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+        lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
+        hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",
+    log:
+        f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{unit}}.log",
+    wildcard_constraints:
+        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
+    params:
+        positions=lambda wildcards: positions_per_window(
+            samples_of_calibration(wildcards)
+        ),
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
+        joint=SETTINGS.joint.plain(),
+        export=SETTINGS.export.plain(),
+    script:
+        "../../scripts/adjust_unit.py"
+
+
+rule write_certificate:
+    input:
+        units=expand(f"{RESULTS}/calibrations/{{name}}.json", name=CALIBRATIONS),
+        recordings=[STUDY.samples[sample].recording for sample in CERTIFIED],
+        ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=CERTIFIED),
+        surveys=at_positions(f"{RESULTS}/survey/{{position}}.json", CERTIFIED),
+        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+    output:
+        json=f"{RESULTS}/certificate.json",
+        html=f"{RESULTS}/certificate.html",
+    log:
+        f"{RESULTS}/logs/write_certificate.log",
+    params:
+        names=[name for sets in STUDY.calibrations.values() for name in sets],
+        scanners=[scanner for scanner, sets in STUDY.calibrations.items() for _ in sets],
+        samples=[
+            list(samples)
+            for sets in STUDY.calibrations.values()
+            for samples in sets.values()
+        ],
+        sample_names=CERTIFIED,
+        positions=[STUDY.samples[sample].position for sample in CERTIFIED],
+        factory_scanners=[
+            name for name, path in STUDY.factories.items() if path != NOMINAL
+        ],
+        serials=SETTINGS.serials,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/write_certificate.py"
+
+
+rule judge_calibrations:
+    input:
+        units=expand(f"{RESULTS}/calibrations/{{name}}.json", name=CALIBRATIONS),
+        report=f"{RESULTS}/report.html",
+    output:
+        verdicts=f"{RESULTS}/calibrations/verdicts.txt",
+    log:
+        f"{RESULTS}/logs/judge_calibrations.log",
+    localrule: True
+    params:
+        names=CALIBRATIONS,
+    script:
+        "../../scripts/judge_calibrations.py"
+
+
 rule average_set:
     input:
         adjustments=lambda wildcards: per_window(
@@ -71,6 +182,10 @@ rule average_set:
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
+    wildcard_constraints:
+        parameter_set=one_of(
+            [name for sets in STUDY.parameter_sets.values() for name in sets]
+        ),
     localrule: True
     params:
         weights=lambda wildcards: STUDY.average,

@@ -121,6 +121,26 @@ def samples_of_set(wildcards):
     return STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set]
 
 
+def samples_of_calibration(wildcards):
+    return STUDY.calibrations[wildcards.scanner][wildcards.unit]
+
+
+def unit_of(wildcards):
+    """Calibration that shows as "after" what a window was adjusted on; empty where the window
+    has an adjustment of its own."""
+    sample = sample_of(wildcards)
+    averaged = STUDY.parameter_sets.get(sample.scanner)
+    return "" if averaged else STUDY.calibration_of(wildcards.sample) or ""
+
+
+def adjusted_on(wildcards):
+    """File with the parameters of `unit_of`, or of the window's own adjustment."""
+    unit, scanner = unit_of(wildcards), sample_of(wildcards).scanner
+    if unit:
+        return f"{RESULTS}/parameter_sets/{scanner}/{unit}.csv"
+    return f"{RESULTS}/adjustment/{wildcards.sample}/{wildcards.window}.csv"
+
+
 def at_positions(pattern, samples):
     """Paths of a pattern for the positions of samples."""
     return [

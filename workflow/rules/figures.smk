@@ -13,10 +13,25 @@ PROCEDURES = figures_of("procedure")
 
 
 def sets_drawn(wildcards):
-    """Samples of the parameter sets of a figure of corrections, by name of the set."""
+    """Parameter sets and calibrations of a figure of corrections."""
     figure = CORRECTIONS[wildcards.figure]
-    sets = STUDY.parameter_sets[figure.scanner]
-    return {name: sets[name] for name in figure.sets or sets}
+    return figure.sets or STUDY.candidates(figure.scanner)
+
+
+def adjustments_drawn(wildcards):
+    """Adjustments behind each of `sets_drawn`, as pairs of its name and a path."""
+    scanner = CORRECTIONS[wildcards.figure].scanner
+    found = []
+    for name in sets_drawn(wildcards):
+        samples = STUDY.parameter_sets.get(scanner, {}).get(name)
+        if samples is None:
+            paths = [f"{RESULTS}/calibrations/{scanner}/{name}.csv"]
+        else:
+            paths = per_window(
+                f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", samples
+            )
+        found += [(name, path) for path in paths]
+    return found
 
 
 rule draw_lasers:
@@ -68,13 +83,7 @@ rule draw_corrections:
             scanner=CORRECTIONS[wildcards.figure].scanner,
             parameter_set=sets_drawn(wildcards),
         ),
-        adjustments=lambda wildcards: [
-            path
-            for samples in sets_drawn(wildcards).values()
-            for path in per_window(
-                f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", samples
-            )
-        ],
+        adjustments=lambda wildcards: [path for _, path in adjustments_drawn(wildcards)],
         calibration=lambda wildcards: factory_path(
             CORRECTIONS[wildcards.figure].scanner
         ),
@@ -90,9 +99,7 @@ rule draw_corrections:
         selection=lambda wildcards: CORRECTIONS[wildcards.figure].plain(),
         set_names=lambda wildcards: list(sets_drawn(wildcards)),
         adjusted_for=lambda wildcards: [
-            name
-            for name, samples in sets_drawn(wildcards).items()
-            for _ in samples_per_window(samples)
+            name for name, _ in adjustments_drawn(wildcards)
         ],
         simulated=bool(WORLD),
     script:

@@ -51,7 +51,7 @@ rule measure_panels:
         sets=lambda wildcards: expand(
             f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
             scanner=outdoor_sample(wildcards).scanner,
-            parameter_set=STUDY.parameter_sets[outdoor_sample(wildcards).scanner],
+            parameter_set=STUDY.candidates(outdoor_sample(wildcards).scanner),
         ),
     output:
         ledger=f"{RESULTS}/recordings/{{outdoor}}/ledger.json",
@@ -60,8 +60,11 @@ rule measure_panels:
         f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
     params:
         sample=lambda wildcards: outdoor_sample(wildcards).plain(),
-        parameter_sets=lambda wildcards: list(
-            STUDY.parameter_sets[outdoor_sample(wildcards).scanner]
+        candidates=lambda wildcards: list(
+            STUDY.candidates(outdoor_sample(wildcards).scanner)
+        ),
+        units=lambda wildcards: list(
+            STUDY.calibrations.get(outdoor_sample(wildcards).scanner, {})
         ),
         boxes=lambda wildcards: OUTDOOR.plain()["panels"],
         fit=lambda wildcards: OUTDOOR.fit.plain(),

@@ -102,9 +102,11 @@ rule write_report:
             name for name, path in STUDY.factories.items() if path != NOMINAL
         ],
         set_scanners=[
-            scanner for scanner, sets in STUDY.parameter_sets.items() for _ in sets
+            scanner for scanner in STUDY.scanners for _ in STUDY.candidates(scanner)
         ],
-        set_names=[name for sets in STUDY.parameter_sets.values() for name in sets],
+        set_names=[
+            name for scanner in STUDY.scanners for name in STUDY.candidates(scanner)
+        ],
         field_samples=list(STUDY.unsurveyed),
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:

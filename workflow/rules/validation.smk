@@ -1,7 +1,8 @@
 # Residuals before and after.
 #
-# in:   assigned medians and the window's own adjustment (calibration data);
-#       single rotations of the returns and every parameter set (validation)
+# in:   assigned medians and the window's own adjustment (calibration data), or the calibration
+#       of the unit where the study has no parameter sets;
+#       single rotations of the returns and every parameter set and calibration (validation)
 # out:  {results}/residuals/{sample}/{window}.parquet               s of every median
 #       {results}/statistics/calibration/{sample}/{window}.csv      per laser, before and after
 #       {results}/statistics/validation/{sample}/{window}.csv       per laser, before and each set
@@ -17,7 +18,7 @@ STATISTICS_FILES = expand(
 rule residuals_calibration:
     input:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-        adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
+        adjusted=adjusted_on,
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
     output:
@@ -27,6 +28,7 @@ rule residuals_calibration:
         f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        unit=lambda wildcards: unit_of(wildcards),
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
     script:
         "../../scripts/residuals_calibration.py"
@@ -40,7 +42,7 @@ rule residuals_validation:
         sets=lambda wildcards: expand(
             f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
             scanner=sample_of(wildcards).scanner,
-            parameter_set=STUDY.parameter_sets[sample_of(wildcards).scanner],
+            parameter_set=STUDY.candidates(sample_of(wildcards).scanner),
         ),
     output:
         statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
@@ -48,8 +50,11 @@ rule residuals_validation:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
-        parameter_sets=lambda wildcards: list(
-            STUDY.parameter_sets[sample_of(wildcards).scanner]
+        candidates=lambda wildcards: list(
+            STUDY.candidates(sample_of(wildcards).scanner)
+        ),
+        units=lambda wildcards: list(
+            STUDY.calibrations.get(sample_of(wildcards).scanner, {})
         ),
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         validation=lambda wildcards: STUDY.validation.plain(),

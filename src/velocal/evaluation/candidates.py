@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -19,6 +19,7 @@ class Role(StrEnum):
     FACTORY = "factory"  #: what the scanner came with
     WINDOW = "window"  #: adjusted on the window whose residuals are looked at
     SET = "set"  #: a parameter set, which has a name
+    UNIT = "unit"  #: a calibration of a unit on all stations together, which has a name
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,13 @@ class Candidate:
     role : Role
     parameters : LaserParameters
     parameter_set : str
-        Name of the parameter set; empty for the other roles. Any name is possible, because
-        names and roles are in two columns.
+        Name of the parameter set or calibration; empty for the other roles. Any name is possible,
+        because names and roles are in two columns.
 
     Raises
     ------
     VelocalError
-        If a parameter set has no name, or another role has one.
+        If a parameter set or a calibration has no name, or another role has one.
     """
 
     role: Role
@@ -44,11 +45,11 @@ class Candidate:
     parameter_set: str = ""
 
     def __post_init__(self) -> None:
-        if (self.role is Role.SET) != bool(self.parameter_set):
+        if (self.role in (Role.SET, Role.UNIT)) != bool(self.parameter_set):
             raise VelocalError(
                 f"role {self.role.value!r} with the name {self.parameter_set!r}",
                 where="candidates",
-                allowed="a name for the role 'set', none for the others",
+                allowed="a name for the roles 'set' and 'unit', none for the others",
             )
 
     @property
@@ -57,14 +58,20 @@ class Candidate:
         return {"role": self.role.value, "parameter_set": self.parameter_set}
 
 
-def with_sets(factory: LaserParameters, sets: Mapping[str, LaserParameters]) -> list[Candidate]:
-    """The factory's calibration, then the parameter sets.
+def with_sets(
+    factory: LaserParameters,
+    sets: Mapping[str, LaserParameters],
+    units: Collection[str] = (),
+) -> list[Candidate]:
+    """The factory's calibration, then the parameter sets and calibrations.
 
     Parameters
     ----------
     factory : LaserParameters
     sets : mapping of str to LaserParameters
         By name.
+    units : collection of str
+        Names of those that are calibrations of a unit on all stations together.
 
     Returns
     -------
@@ -72,5 +79,8 @@ def with_sets(factory: LaserParameters, sets: Mapping[str, LaserParameters]) -> 
     """
     return [
         Candidate(Role.FACTORY, factory),
-        *(Candidate(Role.SET, parameters, name) for name, parameters in sets.items()),
+        *(
+            Candidate(Role.UNIT if name in units else Role.SET, parameters, name)
+            for name, parameters in sets.items()
+        ),
     ]

@@ -52,6 +52,9 @@ BEFORE = Shown(Role.FACTORY)
 def best_set(rows: pd.DataFrame, of_what: str, where: str) -> Shown:
     """Choose the parameter set of least mean ``rms_cm``, the first of equal ones.
 
+    Calibrations of a unit are chosen from where there is no parameter set: the paper's tables show
+    the paper's sets.
+
     Parameters
     ----------
     rows : DataFrame
@@ -73,6 +76,8 @@ def best_set(rows: pd.DataFrame, of_what: str, where: str) -> Shown:
         residuals somewhere.
     """
     sets = rows[rows["role"] == Role.SET.value]
+    role = Role.UNIT if sets.empty else Role.SET
+    sets = rows[rows["role"] == role.value]
     groups = {str(name): group for name, group in sets.groupby("parameter_set", sort=False)}
     counts = {name: len(group) for name, group in groups.items()}
     if len(set(counts.values())) != 1:
@@ -95,7 +100,7 @@ def best_set(rows: pd.DataFrame, of_what: str, where: str) -> Shown:
             where=where,
             hint="No return of it was assigned to a plane: look at assignment.limits.",
         )
-    return Shown(Role.SET, min(finite, key=lambda name: finite[name]), means)
+    return Shown(role, min(finite, key=lambda name: finite[name]), means)
 
 
 def shown_after(
@@ -110,7 +115,7 @@ def shown_after(
     scanner : str
     samples : sequence of str
     data : {"calibration", "validation"}
-        Medians have the adjustment of their own window, single scans the best set.
+        Medians have the adjustment of their own window if there is one, all others the best set.
     where : str
         Key of the configuration, for errors.
 
@@ -123,8 +128,8 @@ def shown_after(
     VelocalError
         As `best_set`.
     """
-    if data == "calibration":
-        return Shown(Role.WINDOW)
     chosen = (summary["data"] == data) & (summary["scanner"] == scanner)
     chosen &= summary["sample"].isin(list(samples))
+    if data == "calibration" and (summary[chosen]["role"] == Role.WINDOW.value).any():
+        return Shown(Role.WINDOW)
     return best_set(summary[chosen], f"{scanner}, samples {', '.join(samples)}", where)

@@ -156,18 +156,6 @@ def render(study: Study) -> str:
     VelocalError
         If a table asks for windows that the summary does not have.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(DATA),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["fixed"] = fixed
-    environment.filters["base64"] = lambda png: base64.b64encode(png).decode("ascii")
-    environment.filters["number"] = lambda value: f"{value:.7g}"
-    environment.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
     cells = agreement.cells(study.agreement)
     content = {
         **vars(study),
@@ -209,7 +197,24 @@ def render(study: Study) -> str:
         "quantities": QUANTITIES,
         "tolerances": TOLERANCES,
     }
-    return environment.get_template("report.html.j2").render(content)
+    return environment().get_template("report.html.j2").render(content)
+
+
+def environment() -> jinja2.Environment:
+    """Make the environment of all templates, with the filters that they use."""
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(DATA),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["fixed"] = fixed
+    made.filters["base64"] = lambda png: base64.b64encode(png).decode("ascii")
+    made.filters["number"] = lambda value: f"{value:.7g}"
+    made.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
+    return made
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:

@@ -17,6 +17,8 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.calibration.dialects import FAR_M
 from velocal.scanner.models import Scanner
 from velocal.study.model import (
     NotNegative,
@@ -41,27 +43,61 @@ SOLVERS: dict[str, Callable[[float | None], Solver]] = {
 _DEG = np.pi / 180.0
 
 
-class Prior(Section):
+class JointPrior(Section):
     """How far the values of the factory may be off: standard deviations."""
 
     dl_cm: Positive | None = Field(default=None, description="of a distance correction")
     alpha_deg: Positive | None = Field(default=None, description="of a rotational angle")
     v_deg: Positive | None = Field(default=None, description="of a vertical angle")
-    voff_cm: Positive | None = Field(default=None, description="of a vertical offset")
-    hoff_cm: Positive | None = Field(default=None, description="of a horizontal offset")
     scale_cm_per_m: Positive | None = Field(default=None, description="of a range scale")
 
     def std(self) -> dict[str, float]:
         """Standard deviations that are given, by parameter; metres, radians, 1."""
-        all_of_them = {
-            "dl": (self.dl_cm, 1e-2),
-            "alpha": (self.alpha_deg, _DEG),
-            "v": (self.v_deg, _DEG),
-            "voff": (self.voff_cm, 1e-2),
-            "hoff": (self.hoff_cm, 1e-2),
-            "scale": (self.scale_cm_per_m, 1e-2),
+        return {
+            name: getattr(self, key) * unit
+            for key, (name, unit) in _PRIORS.items()
+            if getattr(self, key, None) is not None
         }
-        return {name: std * unit for name, (std, unit) in all_of_them.items() if std is not None}
+
+
+class Prior(JointPrior):
+    """The same for the adjustment of single lasers, which can adjust offsets too."""
+
+    voff_cm: Positive | None = Field(default=None, description="of a vertical offset")
+    hoff_cm: Positive | None = Field(default=None, description="of a horizontal offset")
+
+
+#: Parameter and unit of every key of `Prior`.
+_PRIORS = {
+    "dl_cm": ("dl", 1e-2),
+    "alpha_deg": ("alpha", _DEG),
+    "v_deg": ("v", _DEG),
+    "voff_cm": ("voff", 1e-2),
+    "hoff_cm": ("hoff", 1e-2),
+    "scale_cm_per_m": ("scale", 1e-2),
+}
+
+
+class Joint(Section):
+    """Adjustment of all lasers, stations and planes of a unit together."""
+
+    prior: JointPrior | None = Field(
+        default=None,
+        description="standard deviations of the factory's values where they are known; without "
+        "them they are learnt from the lasers of the unit",
+    )
+
+    def settings(self, scanner: Scanner) -> UnitSettings:
+        """Settings in metres and radians.
+
+        Parameters
+        ----------
+        scanner : Scanner
+        """
+        return UnitSettings(
+            prior=self.prior.std() if self.prior else None,
+            far_point_m=FAR_M if scanner.has_factory_file else None,
+        )
 
 
 class ScannerAdjustment(Section):

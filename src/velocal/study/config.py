@@ -10,9 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from velocal.study.adjustment import (
-    Adjustments,
-)
+from velocal.study.adjustment import Adjustments, Joint
 from velocal.study.figures import Figure, MapFigure, SetName, Table
 from velocal.study.model import (
     Count,
@@ -188,8 +186,20 @@ class StudyConfig(Section):
         description="samples whose adjustments are averaged (mean of the windows, then of the "
         "samples)",
     )
+    calibrations: dict[ScannerName, Annotated[dict[SetName, Names], Field(min_length=1)]] = Field(
+        default={},
+        description="samples on which all lasers, stations and planes of a unit are adjusted "
+        "together to one calibration; its files lie beside those of the parameter sets",
+    )
+    serials: dict[ScannerName, Text] = Field(
+        default={}, description="serial number of a scanner, for its certificate"
+    )
+    joint: Joint = Field(
+        default=Joint(), description="settings of `calibrations`; none of them is necessary"
+    )
     export: Export = Field(
-        default=Export(), description="programs that the files of the parameter sets are for"
+        default=Export(),
+        description="programs that the files of parameter sets and calibrations are for",
     )
     validation: Validation | None = Field(default=None, description="residuals of single scans")
     compare_with_paper: bool = Field(
@@ -221,7 +231,11 @@ class StudyConfig(Section):
     def _parts_belong_together(self) -> StudyConfig:
         if self.samples is None and self.unsurveyed is None:
             raise fault("names no sample", hint="Give `samples` or `unsurveyed`.")
-        needed = ("survey", "windows", "assignment", "adjustment", "parameter_sets", "validation")
+        needed = ["survey", "windows", "assignment", "validation"]
+        if self.parameter_sets:
+            needed.append("adjustment")
+        elif not self.calibrations:
+            needed.append("calibrations")
         for key in needed if self.samples else ():
             if not getattr(self, key):
                 raise fault(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -29,6 +29,13 @@ class Export(Section):
         description="program that reads the `.yaml` files; `docs/dialects.md` lists them",
     )
     xml: Program = Field(default="veloview", description="program that reads the `.xml` files")
+    distance: Literal["safe", "single"] = Field(
+        default="safe",
+        description="what the files of `calibrations` hold for a scanner with a two-point file if "
+        "the program cannot fade a correction to that of the factory at long range: `safe` leaves "
+        "the distance corrections of the factory, `single` gives those that are right at the "
+        "ranges of the calibration and wrong at long range",
+    )
 
 
 class Validation(Section):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from velocal.errors import ConfigError
+from velocal.scanner.models import SCANNERS
 from velocal.study.adjustment import Adjustment
 from velocal.study.config import (
     Coordinates,
@@ -84,13 +85,28 @@ class Study:
         return _given(self.config.validation)
 
     def adjustment(self, scanner: str) -> Adjustment:
-        """Section `adjustment` of a study with surveyed samples, as it holds for a scanner."""
-        return _given(self.config.adjustment).of(scanner)
+        """Section `adjustment` as it holds for a scanner; what is recommended if left out."""
+        given = self.config.adjustment
+        return given.of(scanner) if given else Adjustment.recommended(SCANNERS[scanner])
 
     @property
     def average(self) -> Literal["equal", "covariance"]:
         """Weights of the samples of a parameter set: `equal` or `covariance`."""
         return _given(self.config.adjustment).average
+
+    @property
+    def calibrations(self) -> Mapping[str, Mapping[str, tuple[str, ...]]]:
+        """Samples of every calibration of a unit, by scanner."""
+        return self.config.calibrations
+
+    def candidates(self, scanner: str) -> tuple[str, ...]:
+        """Parameter sets of a scanner, then its calibrations."""
+        return (*self.parameter_sets.get(scanner, {}), *self.calibrations.get(scanner, {}))
+
+    def calibration_of(self, sample: str) -> str | None:
+        """First calibration that a sample is used for; None if there is none."""
+        of_scanner = self.calibrations.get(self.samples[sample].scanner, {})
+        return next((name for name, samples in of_scanner.items() if sample in samples), None)
 
     @property
     def parameter_sets(self) -> Mapping[str, Mapping[str, tuple[str, ...]]]:
@@ -236,6 +252,8 @@ def _check_scanners(study: Study, where: str) -> None:
         ("adjustment.by_scanner", adjustment.by_scanner if adjustment else {}, study.scanners),
         ("reduction.azimuth_bin_deg", study.config.reduction.azimuth_bin_deg, all_of_them),
         ("parameter_sets", study.parameter_sets, study.scanners),
+        ("calibrations", study.calibrations, study.scanners),
+        ("serials", study.config.serials, study.scanners),
     ):
         for scanner in named:
             if scanner not in known:
@@ -246,16 +264,31 @@ def _check_scanners(study: Study, where: str) -> None:
                     hint="Remove the entry, or correct the scanner.",
                 )
     for scanner in study.scanners:
-        if scanner not in study.parameter_sets:
-            raise ConfigError(f"parameter_sets has no {scanner!r}", where=where)
+        if not study.candidates(scanner):
+            raise ConfigError(
+                f"neither calibrations nor parameter_sets has {scanner!r}", where=where
+            )
 
 
 def _check_selections(study: Study, where: str) -> None:
     """Check that sets, tables, figures and methods name samples of their scanner."""
     config = study.config
-    for scanner, sets in study.parameter_sets.items():
-        for name, samples in sets.items():
-            _check_names(study, f"parameter_sets.{scanner}.{name}", scanner, samples, where)
+    for key, given in (
+        ("parameter_sets", study.parameter_sets),
+        ("calibrations", study.calibrations),
+    ):
+        for scanner, sets in given.items():
+            for name, samples in sets.items():
+                _check_names(study, f"{key}.{scanner}.{name}", scanner, samples, where)
+    averaged = {name for sets in study.parameter_sets.values() for name in sets}
+    for scanner, sets in study.calibrations.items():
+        for name in sets:
+            if name in averaged:
+                raise ConfigError(
+                    f"calibrations.{scanner}.{name}: a parameter set has this name",
+                    where=where,
+                    hint="Their files lie in one folder: choose another name.",
+                )
     for key, table in config.tables.items():
         _check_names(study, f"tables.{key}", table.scanner, table.samples, where)
     for number, figure in config.figures.items():
@@ -293,20 +326,20 @@ def _check_names(study: Study, key: str, scanner: str, samples: Iterable[str], w
 
 
 def _check_sets(study: Study, key: str, scanner: str, names: Iterable[str], where: str) -> None:
-    """Check that a key names a scanner with parameter sets, and sets of it."""
-    if scanner not in study.parameter_sets:
+    """Check that a key names a scanner with parameter sets or calibrations, and some of these."""
+    known = study.candidates(scanner)
+    if not known:
         raise ConfigError(
-            f"{key}: {scanner!r} has no parameter set",
+            f"{key}: {scanner!r} has no parameter set and no calibration",
             where=where,
-            allowed=", ".join(study.parameter_sets),
+            allowed=", ".join(each for each in study.scanners if study.candidates(each)),
         )
-    sets = study.parameter_sets[scanner]
     for name in names:
-        if name not in sets:
+        if name not in known:
             raise ConfigError(
-                f"{key}: no parameter set {name!r} of {scanner!r}",
+                f"{key}: no parameter set or calibration {name!r} of {scanner!r}",
                 where=where,
-                allowed=", ".join(sets),
+                allowed=", ".join(known),
             )
 
 

@@ -12,7 +12,6 @@ import jinja2
 from velocal.errors import ConfigError
 from velocal.io import storage
 from velocal.scanner.models import SCANNERS, Scanner
-from velocal.study.adjustment import Adjustment
 
 #: Where the capture and the factory's file are looked for until the sample table says otherwise.
 CAPTURES = "captures"
@@ -57,7 +56,6 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
         "calibration": FACTORY if scanner.has_factory_file else "nominal",
-        "adjustment": Adjustment.recommended(scanner),
     }
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)

@@ -197,7 +197,7 @@ def _nearly_all(numbers: pd.DataFrame, kind: str) -> bool:
 def name_after(numbers: pd.DataFrame) -> str:
     """What is shown as "after": the name of a parameter set, or "adjusted" on each window."""
     after = numbers[numbers["calibration"] == "after"].iloc[0]
-    return str(after["parameter_set"]) if after["role"] == Role.SET.value else "adjusted"
+    return "adjusted" if after["role"] == Role.WINDOW.value else str(after["parameter_set"])
 
 
 def _unseen(numbers: pd.DataFrame) -> str:

@@ -1,0 +1,71 @@
+"""Adjust all lasers, stations and planes of a unit together, and export the calibration."""
+
+from pathlib import Path
+from typing import Any
+
+from velocal import __version__
+from velocal.calibration.files import formats
+from velocal.chain import calibrate_unit
+from velocal.evaluation.holdout import to_columns
+from velocal.exports import as_file, write_calibration
+from velocal.io import schemas, storage
+from velocal.io.plain import to_plain
+from velocal.io.scripts import run
+from velocal.scanner.beam import Beams
+from velocal.scanner.models import scanner_named
+from velocal.study.adjustment import Joint
+from velocal.study.outputs import Export
+from velocal.study.reduction import AssignmentLimits
+from velocal.survey.station import read_station
+
+
+def main(
+    *,
+    medians: list[Path],
+    surveys: list[Path],
+    calibration: Path | None,
+    csv: Path,
+    json: Path,
+    yaml: Path,
+    xml: Path,
+    judged: Path,
+    lasers: Path,
+    hold_out: Path,
+    scanner: str,
+    positions: list[str],
+    limits: AssignmentLimits,
+    joint: Joint,
+    export: Export,
+) -> None:
+    """Write the calibration in every format, what it rests on, and what was held out.
+
+    `positions` are those of every file of medians.
+    """
+    known = scanner_named(scanner)
+    factory = formats.read_or_nominal(calibration, known)
+    stations = {station.position: station for station in map(read_station, surveys)}
+    recordings = []
+    for path, position in zip(medians, positions, strict=True):
+        columns, facts = storage.read_table(path, schemas.MEDIANS)
+        beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+        recordings.append((beams, stations[position]))
+    found = calibrate_unit(
+        recordings, factory, settings=joint.settings(known), limits=limits.metric()
+    )
+    sources = {
+        "medians": ["/".join(path.parts[-2:]) for path in medians],
+        "factory": calibration.name if calibration else "nominal",
+    }
+    for path in (csv, json):
+        formats.write(path, as_file(found, known, {"velocal": __version__, **sources}))
+    for path, program in ((yaml, export.yaml), (xml, export.xml)):
+        write_calibration(path, found, known, program=program, distance=export.distance)
+    storage.write_json(judged, to_plain(found))
+    table: dict[str, Any] = {**found.unit.calibration.to_columns()}
+    shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)
+    storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})
+    storage.write_csv(hold_out, to_columns(found.hold_out))
+
+
+if "snakemake" in globals():
+    run(main, snakemake)

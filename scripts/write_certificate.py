@@ -1,0 +1,73 @@
+"""Certificate of every calibration, as JSON and as a page."""
+
+import hashlib
+from pathlib import Path
+
+from velocal.evaluation.certificate import Conditions, File, certificate
+from velocal.evaluation.holdout import JudgedCalibration
+from velocal.io import provenance, storage
+from velocal.io.plain import from_plain, to_plain
+from velocal.io.scripts import run
+from velocal.reporting.certificate import render
+
+
+def _files(role: str, paths: list[Path]) -> list[File]:
+    found = []
+    for path in dict.fromkeys(paths):
+        with path.open("rb") as file:
+            found.append(File(role, path.name, hashlib.file_digest(file, "sha256").hexdigest()))
+    return found
+
+
+def main(
+    *,
+    units: list[Path],
+    recordings: list[Path],
+    ledgers: list[Path],
+    surveys: list[Path],
+    factories: list[Path],
+    json: Path,
+    html: Path,
+    names: list[str],
+    scanners: list[str],
+    samples: list[list[str]],
+    sample_names: list[str],
+    positions: list[str],
+    factory_scanners: list[str],
+    serials: dict[str, str],
+    simulated: bool,
+) -> None:
+    """Write the certificates of the calibrations `names` of `scanners`.
+
+    `samples` are those of every calibration; `recordings`, `ledgers`, `surveys` and `positions`
+    are of `sample_names`, and `factories` of `factory_scanners`.
+    """
+    facts = dict(zip(sample_names, map(storage.read_json, ledgers), strict=True))
+    known = dict(zip(factory_scanners, factories, strict=True))
+    captures = dict(zip(sample_names, recordings, strict=True))
+    stations = dict(zip(sample_names, surveys, strict=True))
+    stood = dict(zip(sample_names, positions, strict=True))
+    found = []
+    for path, name, scanner, own in zip(units, names, scanners, samples, strict=True):
+        judged = from_plain(JudgedCalibration, storage.read_json(path), str(path))
+        files = _files("recording", [captures[sample] for sample in own])
+        files += _files("survey of a position", [stations[sample] for sample in own])
+        files += _files("calibration of the factory", [known[scanner]] if scanner in known else [])
+        found.append(
+            certificate(
+                judged,
+                scanner=scanner,
+                serial=serials.get(scanner, ""),
+                name=name,
+                simulated=simulated,
+                recordings=[Conditions.of(sample, stood[sample], facts[sample]) for sample in own],
+                files=files,
+                versions=provenance.versions(),
+            )
+        )
+    storage.write_json(json, {"certificates": to_plain(found)})
+    storage.write_text(html, render(found))
+
+
+if "snakemake" in globals():
+    run(main, snakemake)

@@ -1,0 +1,212 @@
+"""Calibrations as files: from any format to parameters, and from results to files for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from velocal.adjustment.result import CalibrationSet
+from velocal.calibration.convert import convert, for_program
+from velocal.calibration.dialects import FAR_M, MANUAL, NEAR_X_M, NEAR_Y_M, dialect_named
+from velocal.calibration.files import formats
+from velocal.calibration.files.document import CalibrationFile
+from velocal.evaluation.holdout import JudgedCalibration
+from velocal.scanner.models import Scanner, scanner_named
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
+
+#: What a program gets that cannot fade a correction of the distance; see `for_driver`.
+Distance = Literal["safe", "single"]
+
+
+def read_parameters(path: str | Path | None, scanner: str | Scanner) -> LaserParameters:
+    """Read a calibration file of any format as parameters of the beam equations (1) to (3).
+
+    Numbers that were written for another program are converted.
+
+    Parameters
+    ----------
+    path : str, Path or None
+        Velodyne's XML, a ROS driver's YAML, or CSV or JSON of velocal; None for the nominal values
+        of the scanner.
+    scanner : str or Scanner
+        Whose file it is, such as "HDL-64E".
+
+    Returns
+    -------
+    LaserParameters
+        Metres and radians.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the file is missing, damaged, or of another scanner.
+    ConfigError
+        If no scanner has that name.
+
+    Examples
+    --------
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> len(factory)
+    32
+    """
+    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
+    return formats.read_or_nominal(None if path is None else Path(path), known)
+
+
+def as_file(
+    found: JudgedCalibration | CalibrationSet,
+    scanner: Scanner,
+    provenance: Mapping[str, object] | None = None,
+) -> CalibrationFile:
+    """Put a calibration set into the form of a calibration file, with all that is known of it.
+
+    Parameters
+    ----------
+    found : JudgedCalibration or CalibrationSet
+        Calibration of one scanner.
+    scanner : Scanner
+        That scanner.
+    provenance : mapping of str to object, optional
+        Where the numbers come from.
+
+    Returns
+    -------
+    CalibrationFile
+        Numbers of the dialect ``paper``, with standard deviations and covariances.
+    """
+    sources = dict(provenance or {})
+    if isinstance(found, JudgedCalibration):
+        sources |= {
+            "recommended": found.recommended,
+            "hold_out": found.hold_out.verdict.value,
+            "ranges_m": list(found.unit.range_limits_m),
+        }
+        found = found.unit.calibration
+    return CalibrationFile(
+        found.adjusted,
+        "paper",
+        scanner.name,
+        scanner.distance_tick_m,
+        std=found.std_by_name(),
+        covariance=found.covariance_by_pair(),
+        provenance=sources,
+    )
+
+
+def write_calibration(
+    path: str | Path,
+    calibration: JudgedCalibration | CalibrationSet | LaserParameters,
+    scanner: str | Scanner,
+    *,
+    program: str | None = None,
+    distance: Distance = "safe",
+) -> None:
+    """Write a calibration file; the suffix of its name decides the format.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.xml`` (Velodyne's format), ``.yaml`` (ROS drivers), ``.csv`` or ``.json`` (velocal, with
+        standard deviations).
+    calibration : JudgedCalibration, CalibrationSet or LaserParameters
+        What is written. Of a calibration that is not recommended, files for programs contain the
+        values of the factory.
+    scanner : str or Scanner
+        Whose calibration it is.
+    program : str, optional
+        Program that will read the file, one of `DIALECTS`, since programs compute points
+        differently; by format "veloview", "ros", or our own equations if left out.
+    distance : {"safe", "single"}
+        What a program gets that cannot fade the correction of the distance to that of the factory
+        at long range; see `for_driver`.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the suffix is unknown, or a value is not finite.
+    ConfigError
+        If the scanner or the program is unknown.
+    DialectError
+        If the program cannot express the vertical offset of a laser.
+
+    Examples
+    --------
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> velocal.write_calibration("copy.yaml", factory, "HDL-32E", program="ros")
+    >>> bool(velocal.read_calibration("copy.yaml").parameters.dl[0] == factory.dl[0])
+    True
+    """
+    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
+    name = program or formats.format_of(Path(path)).default or "paper"
+    if name == "paper" and not isinstance(calibration, LaserParameters):
+        formats.write(Path(path), as_file(calibration, known))
+        return
+    if isinstance(calibration, JudgedCalibration):
+        converted = for_driver(calibration, name, distance)
+    else:
+        given = calibration.adjusted if isinstance(calibration, CalibrationSet) else calibration
+        converted = for_program(given, name)
+    formats.write(Path(path), CalibrationFile(converted, name, known.name, known.distance_tick_m))
+
+
+def fades(dialect: str) -> bool:
+    """Whether a program can fade a correction of the distance to nothing at the far point.
+
+    Some programs read one correction per laser, and some extrapolate the two points of a file
+    beyond the far point.
+
+    Parameters
+    ----------
+    dialect : str
+    """
+    two_point = dialect_named(dialect).two_point
+    return two_point is not None and two_point.limit_m < FAR_M + 1.0
+
+
+def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> LaserParameters:
+    """Parameters of a calibration for a program.
+
+    Scanners with a two-point file have a correction of the distance that the factory found at the
+    far point. The calibration replaces it at short range only: a near-point correction changes,
+    and fades to nothing at the far point.
+
+    Parameters
+    ----------
+    found : JudgedCalibration
+    dialect : str
+        Program that will read the numbers.
+    distance : {"safe", "single"}
+        For a program that cannot do this: "safe" leaves the distance corrections of the factory,
+        which are not worse than before at any range; "single" gives one correction per laser,
+        which is right at the ranges of the calibration and wrong at long range.
+
+    Returns
+    -------
+    LaserParameters
+        Numbers of that dialect.
+
+    Raises
+    ------
+    ConfigError
+        If no dialect has that name.
+    DialectError
+        If the dialect cannot express the vertical offset of a laser.
+    """
+    target, unit = dialect_named(dialect), found.unit
+    factory, adjusted = unit.calibration.initial, unit.calibration.adjusted
+    if not found.recommended:
+        return convert(factory, MANUAL, target, inexact=True)
+    if unit.far_point_m is None or (distance == "single" and not fades(dialect)):
+        return for_program(adjusted, dialect)
+    if not fades(dialect):
+        kept = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
+        return convert(kept, MANUAL, target, inexact=True)
+    near = factory.dl[:, None] + unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M]))
+    carried = {**factory.carried, **dict(zip(NEAR_POINT, near.T, strict=True))}
+    carried[TWO_POINT] = np.ones(len(factory))
+    moved = replace(factory, alpha=adjusted.alpha, v=adjusted.v, carried=carried)
+    return convert(moved, MANUAL, target, inexact=True)

@@ -48,6 +48,7 @@ LEDGER = {
 SURVEY = {
     "position": "P5", "scanner": "HDL-32E",
     "pose": {
+        "rotation": np.eye(3).tolist(), "translation_m": [0.0, 0.0, 0.0],
         "covariance_rad_m": np.diag([1e-6, 4e-6, 9e-6, 1e-8, 4e-8, 9e-8]).tolist(),
         "targets": ["B1", "B2", "B3"], "variance_factor": 1.234, "redundancy": 3,
     },

@@ -113,9 +113,10 @@ def marked(text: str) -> dict[str, tuple[str, str]]:
     """
     found = list(_MARKED.finditer(text))
     names = [match["name"] for match in found]
-    if not 2 * len(found) == text.count("<!--") == 2 * text.count("<!-- end -->"):
+    lines = [line for line in text.splitlines() if line.startswith("<!--")]
+    if not 2 * len(found) == len(lines) == 2 * lines.count("<!-- end -->"):
         raise VelocalError(
-            f"{text.count('<!--')} comments, but {len(found)} complete pairs of marks",
+            f"{len(lines)} comments, but {len(found)} complete pairs of marks",
             where="a page",
             allowed="<!-- numbers: NAME (made by COMMAND) -->, an empty line, the numbers, an "
             "empty line, <!-- end -->",

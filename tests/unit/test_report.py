@@ -51,7 +51,7 @@ LEDGER = {
 SURVEY = {
     "position": "P5", "scanner": "HDL-32E",
     "pose": {
-        "rotation": np.eye(3).tolist(), "translation_m": [0.0, 0.0, 0.0],
+        "rotation": np.eye(3).tolist(), "translation_m": [10.0, 0.0, 0.0],
         "covariance_rad_m": np.diag([1e-6, 4e-6, 9e-6, 1e-8, 4e-8, 9e-8]).tolist(),
         "targets": ["B1", "B2", "B3"], "variance_factor": 1.234, "redundancy": 3,
     },
@@ -207,7 +207,8 @@ def test_ledger_survey_sets_and_field():
     assert "cut short: 1 packets, 77 bytes" in text
     assert "1\u202f234\u202f567" in PAGE
     assert "0.057, 0.115, 0.172" in text
-    assert "0.10, 0.20, 0.30" in text
+    # Of the scanner's origin: 10 m from the site frame's, whose own are 0.10, 0.20 and 0.30 mm.
+    assert "0.10, 30.00, 20.00" in text
     assert "short wall 110 0.76 2.44 –" in text
     assert "1 1.230 0.040 0.0000 –" in text
     assert "street 0.61235" in text

@@ -1,6 +1,9 @@
 """The report: complete, self-contained, the same bytes for the same study."""
 
+import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -48,6 +51,7 @@ LEDGER = {
 SURVEY = {
     "position": "P5", "scanner": "HDL-32E",
     "pose": {
+        "rotation": np.eye(3).tolist(), "translation_m": [10.0, 0.0, 0.0],
         "covariance_rad_m": np.diag([1e-6, 4e-6, 9e-6, 1e-8, 4e-8, 9e-8]).tolist(),
         "targets": ["B1", "B2", "B3"], "variance_factor": 1.234, "redundancy": 3,
     },
@@ -203,7 +207,8 @@ def test_ledger_survey_sets_and_field():
     assert "cut short: 1 packets, 77 bytes" in text
     assert "1\u202f234\u202f567" in PAGE
     assert "0.057, 0.115, 0.172" in text
-    assert "0.10, 0.20, 0.30" in text
+    # Of the scanner's origin: 10 m from the site frame's, whose own are 0.10, 0.20 and 0.30 mm.
+    assert "0.10, 30.00, 20.00" in text
     assert "short wall 110 0.76 2.44 –" in text
     assert "1 1.230 0.040 0.0000 –" in text
     assert "street 0.61235" in text
@@ -274,7 +279,7 @@ def test_script_reads_what_is_there(tmp_path):
 
 
 def test_methods_are_compared():
-    section = re.search(r'(?s)<section id="methods">.*?</section>', PAGE)[0]
+    section = re.search(r'(?s)<section id="methods"[^>]*>.*?</section>', PAGE)[0]
     assert "the paper &lt;printed&gt;" in section
     assert "-25.0 % on the position" in section
     assert section.count("<tr>") == 3
@@ -309,3 +314,88 @@ def test_every_figure_of_the_paper_is_accounted_for():
     assert section.count('<tr><th scope="row"') >= 28
     own = report.render(replace(FULL, agreement=None))
     assert "every figure of the paper" not in own
+
+
+# -- wide tables, on screen and on paper -----------------------------------------------------------
+
+
+def test_wide_tables_scroll_by_keyboard():
+    """A region that scrolls can have the focus, and has a name of its own."""
+    found = Elements(PAGE).found
+    regions = [attributes for _, attributes in found if attributes.get("class") == "scroll"]
+    assert len(regions) == sum(tag == "table" for tag, _ in found) > 10
+    assert all(each["tabindex"] == "0" and each["role"] == "region" for each in regions)
+    labels = [each["aria-label"] for each in regions]
+    assert len(set(labels)) == len(labels)
+    assert {"Table II", "Parameter set set1, HDL-32E", "Ledger"} <= set(labels)
+
+
+def test_style_for_paper():
+    style = re.search(r"(?s)<style>(.*?)</style>", PAGE)[1]
+    assert "@page { size: A4;" in style
+    assert "@page across { size: A4 landscape; }" in style
+    paper = style[style.index("@media print") :]
+    assert ".scroll { overflow: visible; }" in paper
+    assert "details::details-content { content-visibility: visible;" in paper
+    assert "@media screen and (prefers-color-scheme: dark)" in style
+
+
+MEASURE = """
+<style>html { width: 186mm; } .across { width: 273mm; }</style>
+<script>
+const found = [...document.querySelectorAll("table")].map(table => {
+  const page = table.closest(".across") || document.documentElement;
+  const over = table.getBoundingClientRect().right - page.getBoundingClientRect().right;
+  const name = table.parentElement.getAttribute("aria-label");
+  return {name: name, over: over, height: table.getBoundingClientRect().height};
+});
+document.title = JSON.stringify(found);
+</script>
+"""
+
+
+def on_paper(page, folder, chromium):
+    """Name, pixels beyond the text, and height of every table, as a browser lays them out.
+
+    The text is as wide as an A4 page, upright or across, without its margins of 12 mm.
+    """
+    style, n = re.subn("@media print", "@media all", page)
+    assert n == 1
+    file = folder / "page.html"
+    file.write_text(style.replace("</body>", f"{MEASURE}</body>"))
+    done = subprocess.run(
+        [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+         f"--user-data-dir={folder / 'profile'}", file.as_uri()],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    (title,) = re.findall(r"(?s)<title>(\[.*?\])</title>", done.stdout)
+    return json.loads(title)
+
+
+def test_all_columns_are_on_the_page_of_a4(tmp_path):
+    """Also with long names of files, and the tables in collapsed parts are there."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    chromium = next(filter(None, map(shutil.which, names)), None)
+    if chromium is None:
+        pytest.skip("no Chromium that could lay out the page. Hint: install the package chromium")
+    ledger = LEDGER | {"file": "recording_of_the_first_position_with_the_lamp_on_2026-11-26.pcap"}
+    numbers = {name: [1.234, 170.0] for name in (
+        "calibration_rms_cm", "other_rms_cm", "calibration_within_1sigma_pct",
+        "other_within_1sigma_pct", "dl_error_cm", "alpha_error_deg", "v_error_deg", "v_far_off")
+    }  # fmt: skip
+    names = ["planes unknown, range scale", "with prior, positions jointly"]
+    methods = METHODS.assign(
+        **numbers, name=names, reference="Muhammad and Lacroix 2010", parameters="dl alpha v scale"
+    )
+    planes = pd.DataFrame({f"column_{i}_cm": [1.23456] for i in range(16)})
+    page = report.render(
+        replace(FULL, methods=methods, ledgers={"real64_01": ledger}, field_table=planes)
+    )
+    found = on_paper(page, tmp_path, chromium)
+    assert len(found) == page.count("<table>")
+    assert [table for table in found if table["over"] > 0.5] == []
+    assert [table["name"] for table in found if table["height"] < 20] == []
+    # What the browser says without the style for paper:
+    bare = re.sub(r"(?s)(@media print \{).*?\n\}\n", r"\1 }\n", page)
+    wide = {table["name"] for table in on_paper(bare, tmp_path, chromium) if table["over"] > 0.5}
+    assert wide >= {"Methods", "Ledger"}

@@ -6,20 +6,18 @@ into ``docs/figures.md``; tests compare it with that page and with the configura
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from velocal.io import storage
-from velocal.io.markup import markdown_table
+from velocal.io.markup import inserted, markdown_table
 
 FIGURES = Path(__file__).parent / "data/figures.csv"
 #: Number of the paper's last figure.
 LAST = 28
 PAGE = Path("docs/figures.md")
-_MARKS = re.compile(r"(<!-- figures -->\n).*?(<!-- end -->)", flags=re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def with_table(text: str) -> str:
     ]
     headings = ["figure", "in the paper", "here", "kind", "note"]
     table = "\n".join(markdown_table(headings, rows, [True, False, False, False, False]))
-    return _MARKS.sub(lambda match: f"{match[1]}{table}\n{match[2]}", text)
+    return inserted(text, "figures", table)
 
 
 if __name__ == "__main__":

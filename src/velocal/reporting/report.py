@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
+from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
 from velocal.paper import agreement
 from velocal.paper.figures import figures as paper_figures
@@ -295,10 +296,15 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
 
 
 def _survey(survey: Mapping[str, Any]) -> dict[str, Any]:
-    """Pose and planes of a position with standard deviations."""
-    covariance = np.array(survey["pose"]["covariance_rad_m"], dtype=float)
-    std = np.sqrt(np.diag(covariance))
-    return {**survey, "rotation_std_rad": std[:3].tolist(), "translation_std_m": std[3:].tolist()}
+    """Pose and planes of a position with standard deviations, along the axes of the scanner."""
+    names = ("rotation", "translation_m", "covariance_rad_m")
+    pose = RigidTransformation(*(np.array(survey["pose"][name], dtype=float) for name in names))
+    rotation = np.sqrt(np.diag(pose.covariance)[:3])
+    return {
+        **survey,
+        "rotation_std_rad": rotation.tolist(),
+        "origin_std_m": pose.origin_std_m().tolist(),
+    }
 
 
 def _parameters(columns: Mapping[str, Any], factory: LaserParameters) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ UNKNOWNS = ("dl", "alpha", "v", "scale", "voff", "hoff")
 WITH_MEAN = 4
 #: A surface has at most this number of knots; their distance grows where it would have more.
 MAX_KNOTS = 150
+#: Least information on a direction of relief, whose prior has the information 1.
+LEAST_INFORMATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Linearised:
     towards : ndarray, shape (n,)
         ``n . u``.
     range_m : ndarray, shape (n,)
-        Raw distance that the plane predicts.
+        Distance along the beam to the plane: what the corrected distance should be.
     """
 
     z: Array
@@ -87,7 +89,7 @@ def linearise(
     angles = ("alpha", "v", "voff", "hoff")
     at = factory.corrected({name: x[:, UNKNOWNS.index(name)] for name in angles})
     s, all_columns = data.design(at)
-    range_m = data.distance_m - s
+    range_m = data.distance_m + at.dl[data.laser_id] - s
     matrix = np.empty((len(s), len(UNKNOWNS)))
     for name in angles:
         matrix[:, UNKNOWNS.index(name)] = all_columns[:, ADJUSTABLE.index(name)]
@@ -95,11 +97,10 @@ def linearise(
     own = x[data.laser_id].copy()
     own[:, [0, 3]] = 0.0
     direction, origin = laser_beams(data.phi, data.laser_id, at)
-    length = range_m + at.dl[data.laser_id]
     return Linearised(
         z=-s + np.einsum("ni,ni->n", matrix, own),
         matrix=matrix,
-        point=origin + length[:, None] * direction,
+        point=origin + range_m[:, None] * direction,
         towards=np.einsum("ni,ni->n", direction, data.normal),
         range_m=range_m,
     )
@@ -144,6 +145,29 @@ class Shared:
     matrix: Array
     effects: tuple[Effect, ...]
 
+    def reduced(self, weight: Array) -> Shared:
+        """Leave out the directions of relief of which the data say nothing.
+
+        The knots of each surface are turned to the eigenvectors of their information. Their prior
+        is 1 in all directions, and remains so.
+
+        Parameters
+        ----------
+        weight : ndarray, shape (n,)
+            Inverse variances of the rows; neglecting their correlation overrates the information.
+        """
+        blocks, effects, used = [], [], 0
+        for effect in self.effects:
+            block = self.matrix[:, effect.columns]
+            if effect.kind == "flatness":
+                values, vectors = np.linalg.eigh((block * weight[:, None]).T @ block)
+                block = block @ vectors[:, values > LEAST_INFORMATION]
+            blocks.append(block)
+            columns = slice(used, used + block.shape[1])
+            effects.append(replace(effect, columns=columns))
+            used = columns.stop
+        return Shared(np.concatenate(blocks, axis=1), tuple(effects))
+
     def columns(self, kind: str) -> NDArray[np.int64]:
         """Numbers of the unknowns of one kind."""
         chosen = [
@@ -181,7 +205,14 @@ def shared_effects(
     effects: list[Effect] = []
     used = 0
 
-    def add(kind: str, station: int, name: str, rows: Array, values: Array, root: Array) -> None:
+    def add(
+        kind: str,
+        station: int,
+        name: str,
+        rows: NDArray[np.int64],
+        values: Array,
+        root: Array,
+    ) -> None:
         nonlocal used
         block = np.zeros((n, values.shape[1]))
         block[rows] = values

@@ -431,16 +431,14 @@ def _station_effect(
     start = layout.survey.start
     place = layout.common_shift.start + number
     own = bins.mean.station_number == number
-    pose = np.zeros(6)
-    pose_covariance = station.survey.pose
+    turn = stage.shared.pose(number)
+    pose = turn @ errors
+    pose_covariance = turn @ covariance[layout.survey, layout.survey] @ turn.T
     corrections = {}
     for effect in stage.shared.effects:
         places = np.arange(effect.columns.start, effect.columns.stop)
         block = covariance[np.ix_(start + places, start + places)]
-        if effect.kind == "pose" and effect.station == number:
-            pose = effect.root @ errors[effect.columns]
-            pose_covariance = effect.root @ block @ effect.root.T
-        elif effect.kind == "planes" and effect.station in (-1, number):
+        if effect.kind == "planes" and effect.station in (-1, number):
             to_scanner = np.eye(4) if station.pose is None else station.pose.plane_matrix()
             root = to_scanner @ effect.root
             std = np.sqrt(np.maximum(np.diag(root @ block @ root.T), 0.0))

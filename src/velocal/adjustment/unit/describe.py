@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
-from velocal.adjustment.unit.common_mean import CommonMean, common_mean, root
+from velocal.adjustment.unit.common_mean import CommonMean, common_mean
 from velocal.adjustment.unit.marginal import Posterior
-from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN
+from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN, symmetric_root
 from velocal.arrays import Array
 
 #: Places of the means that the pose can imitate, among the common unknowns.
@@ -91,8 +91,8 @@ def describe(
     datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
     gain = np.linalg.solve(block, inverse[_DATUM]).T
     common = posterior.common + gain @ (datum.mean - posterior.common[_DATUM])
-    block_root = root(block)
-    ratio = root(datum.covariance) @ np.linalg.inv(block_root)
+    block_root = symmetric_root(block)
+    ratio = symmetric_root(datum.covariance) @ np.linalg.inv(block_root)
     turn = np.eye(m)
     turn[:, _DATUM] += gain @ (ratio - np.eye(len(_DATUM)))
     # Derivatives of the corrections by the common unknowns, T.

@@ -114,14 +114,15 @@ class Effect:
     ----------
     kind : {"pose", "planes", "flatness"}
     station : int
-        Number of the station; -1 for a plane that several stations share.
+        Number of the station; -1 for what several stations share.
     name : str
         Of the station or the plane.
     columns : slice
         Among all shared unknowns of this module.
     root : ndarray
         What the unknowns are multiplied by to get corrections of pose (6, 6) or plane (4, 3);
-        that of planes is in the site frame where the pose is known. Empty for relief.
+        that of planes is in the site frame where the pose is known. The roots of all stations
+        stand one below the other in what their poses have in common. Empty for relief.
     """
 
     kind: str
@@ -144,6 +145,16 @@ class Shared:
 
     matrix: Array
     effects: tuple[Effect, ...]
+
+    def pose(self, station: int) -> Array:
+        """Matrix that makes corrections of the pose of a station of all unknowns, (6, m)."""
+        found = np.zeros((6, self.matrix.shape[1]))
+        for effect in self.effects:
+            if effect.kind == "pose" and effect.station == station:
+                found[:, effect.columns] = effect.root
+            elif effect.kind == "pose" and effect.station < 0:
+                found[:, effect.columns] = effect.root[6 * station : 6 * station + 6]
+        return found
 
     def reduced(self, weight: Array) -> Shared:
         """Leave out the directions of relief of which the data say nothing.
@@ -182,6 +193,12 @@ def root_of(covariance: Array, rank: int) -> Array:
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0)))[:, -rank:])
 
 
+def symmetric_root(covariance: Array) -> Array:
+    """Symmetric root of a covariance: of two that are alike, the roots are alike too."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+
 def shared_effects(
     stations: Sequence[UnitStation], bins: Bins, at: Linearised, settings: UnitSettings
 ) -> Shared:
@@ -199,6 +216,12 @@ def shared_effects(
     -------
     Shared
         Sparse in structure, but dense in memory: the rows are means of bins.
+
+    Notes
+    -----
+    The base targets are measured once in the scanner frame, and at every station in the site
+    frame. The error of the former turns and moves the scanner frame by the same amount at all
+    stations, so that more stations do not average it out.
     """
     n, station_of, plane_of = len(at.z), bins.mean.station_number, bins.mean.plane_number
     blocks: list[Array] = []
@@ -220,13 +243,21 @@ def shared_effects(
         effects.append(Effect(kind, station, name, slice(used, used + values.shape[1]), root))
         used += values.shape[1]
 
+    several = len(stations) > 1
+    common = settings.pose_in_common if several else 0.0
+    together, roots = np.zeros((n, 6)), []
     for number, station in enumerate(stations):
         rows = np.flatnonzero(station_of == number)
-        root = root_of(station.survey.pose, 6)
+        root = symmetric_root(station.survey.pose)
         derivative = by_pose(
             at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
         )
-        add("pose", number, station.name, rows, derivative @ root, root)
+        own = np.sqrt(1.0 - common) * root
+        add("pose", number, station.name, rows, derivative @ own, own)
+        roots.append(np.sqrt(common) * root)
+        together[rows] = derivative @ roots[-1]
+    if several:
+        add("pose", -1, "", np.arange(n), together, np.concatenate(roots))
     # One entry per plane, or per plane and station where its stations do not know their pose.
     members: dict[tuple[int, str], list[tuple[int, int]]] = {}
     for number, station in enumerate(stations):

@@ -50,6 +50,9 @@ class UnitSettings:
         None for a correction that is the same at all ranges.
     far_std_m : float
         Scale of the hyperprior of the error that the factory's correction has at the far point.
+    pose_in_common : float
+        Share of the variance of a pose that all stations have in common, because the base targets
+        are measured only once in the scanner frame.
     hold_below : float
         A parameter of a laser of which the data decide less than this share is not changed.
     integration_points : int
@@ -69,6 +72,7 @@ class UnitSettings:
     offset_m: float = 0.0007
     far_point_m: float | None = None
     far_std_m: float = 0.01
+    pose_in_common: float = 0.4
     hold_below: float = 0.1
     integration_points: int = 33
     linearisations: int = 2
@@ -112,12 +116,18 @@ class UnitSettings:
     def __post_init__(self) -> None:
         """Check that all sizes are positive, and that the prior names what has one."""
         for name, value in vars(self).items():
-            if name in ("prior", "hold_below") or value is None:
+            if name in ("prior", "hold_below", "pose_in_common") or value is None:
                 continue
             if not value > 0.0:
                 raise VelocalError(
                     f"{name} is {value}", where="settings of a unit", allowed="more than 0"
                 )
+        if not 0.0 <= self.pose_in_common < 1.0:
+            raise VelocalError(
+                f"pose_in_common is {self.pose_in_common}",
+                where="settings of a unit",
+                allowed="from 0 to less than 1",
+            )
         for name, value in (self.prior or {}).items():
             if name not in LEARNT or not value > 0.0:
                 raise VelocalError(

@@ -101,7 +101,7 @@ def test_one_plane_is_not_judged(made):
 
 
 def not_better(found):
-    return JudgedCalibration(found.unit, HoldOut((), None, None))
+    return replace(found, hold_out=HoldOut((), None, None))
 
 
 def test_a_calibration_that_is_not_better_ends_the_run(made):
@@ -143,7 +143,7 @@ def test_files_for_programs_hold_the_factorys_values_if_it_is_not_better(made, t
 
 
 def with_far_point(found):
-    return JudgedCalibration(replace(found.unit, far_point_m=25.04), found.hold_out)
+    return replace(found, unit=replace(found.unit, far_point_m=25.04))
 
 
 def test_a_correction_fades_to_that_of_the_factory(made):
@@ -157,6 +157,7 @@ def test_a_correction_fades_to_that_of_the_factory(made):
     x = near.carried[NEAR_POINT[0]] - factory.dl
     np.testing.assert_allclose(x, found.unit.near_correction(np.array([2.4]))[:, 0], atol=1e-12)
     assert np.abs(x).max() > 1e-3
+    assert np.abs(near.v - factory.v).max() > 0.0
     safe = for_driver(found, "ros", "safe")
     np.testing.assert_allclose(safe.dl - for_driver(not_better(found), "ros", "safe").dl, 0.0,
                                atol=1e-4)  # fmt: skip

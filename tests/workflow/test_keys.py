@@ -176,6 +176,10 @@ CHANGES = {
         )
         for key in ("dl_cm", "alpha_deg", "v_deg", "scale_cm_per_m")
     },
+    "joint.near_points": change(
+        "joint.near_points", False, Given("adjust_unit", "joint"),
+        before=(*UNIT, (("joint", "near_points"), True)),
+    ),
     "export.distance": change(
         "export.distance", "single", Given("adjust_unit", "export"), before=UNIT
     ),

@@ -204,16 +204,13 @@ def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> La
         return convert(factory, MANUAL, target, inexact=True)
     if unit.far_point_m is None:
         return for_program(found.single, dialect)
-    given = [factory.carried.get(name) for name in NEAR_POINT]
+    given = MANUAL.near(factory)
     # Near points of the factory that were left out must not be replaced: they may be right.
-    replaceable = given[0] is None or bool(found.near_m.any())
+    replaceable = bool(found.near_m.any() or all((each == factory.dl).all() for each in given))
     moved = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
     if fades(dialect) and replaceable:
         change = unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M])).T
-        near = (
-            (factory.dl if old is None else old) + new
-            for old, new in zip(given, change, strict=True)
-        )
+        near = (old + new for old, new in zip(given, change, strict=True))
         carried = {**factory.carried, **dict(zip(NEAR_POINT, near, strict=True))}
         moved = replace(moved, carried={**carried, TWO_POINT: np.ones(len(factory))})
     elif distance == "single" and not fades(dialect):

@@ -8,8 +8,10 @@ import pandas as pd
 from pydantic import TypeAdapter
 
 from velocal.calibration.files.formats import read_or_nominal
+from velocal.evaluation.certificate import Certificate
 from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
+from velocal.io.plain import from_plain
 from velocal.io.scripts import run
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
@@ -35,6 +37,7 @@ def main(
     sets: list[Path],
     pictures: list[Path],
     numbers: list[Path],
+    certificate: Path | None,
     methods_csv: Path | None,
     methods_png: Path | None,
     field_table: Path | None,
@@ -84,6 +87,12 @@ def main(
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
+        certificates=[
+            from_plain(Certificate, each, str(certificate))
+            for each in storage.read_json(certificate)["certificates"]
+        ]
+        if certificate
+        else [],
         methods=_optional(methods_csv),
         methods_png=methods_png.read_bytes() if methods_png else b"",
         field_table=_optional(field_table),

@@ -264,7 +264,7 @@ def test_script_reads_what_is_there(tmp_path):
         "outdoor_pictures": [],
         "outdoor_numbers": [],
     }
-    files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
+    files |= dict.fromkeys(("certificate", "methods_csv", "methods_png", "field_table", "outdoor"))
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}

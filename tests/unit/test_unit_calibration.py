@@ -9,7 +9,7 @@ from support.example import POSITION, SCANNER, write_example
 import velocal
 from velocal.chain import unit_stations
 from velocal.errors import StorageError, VelocalError
-from velocal.evaluation.certificate import Conditions, certificate
+from velocal.evaluation.certificate import Certificate, Conditions, certificate
 from velocal.evaluation.holdout import (
     HoldOut,
     JudgedCalibration,
@@ -22,6 +22,7 @@ from velocal.evaluation.point_uncertainty import Use, point_std
 from velocal.exports import fades, for_driver
 from velocal.io import storage
 from velocal.io.plain import from_plain, to_plain
+from velocal.reporting import report
 from velocal.reporting.certificate import render
 from velocal.scanner.parameters import NEAR_POINT
 from velocal.simulation import truth
@@ -178,12 +179,32 @@ def test_standard_deviations_of_points_follow_the_covariance(made):
     assert far.extrapolated.all()
 
 
-def test_the_certificate_states_expanded_uncertainties(made):
-    found = made[2]
-    one = certificate(
+def certified(found):
+    return certificate(
         found, scanner=SCANNER, serial="17", name="all", simulated=True,
         recordings=[Conditions("s", "P5", 10, 10.0, "", "", ())], files=[], versions={"x": "1"},
     )  # fmt: skip
+
+
+def test_the_report_says_what_to_use(made, tmp_path):
+    one = certified(made[2])
+    storage.write_json(tmp_path / "c.json", to_plain(one))
+    again = from_plain(Certificate, storage.read_json(tmp_path / "c.json"), "c.json")
+    page = report.render(report.Study("A unit", False, certificates=[again]))
+    assert "better than the factory" in page
+    assert f"parameter_sets/{SCANNER}/all.yaml" in page
+    # All lasers of this unit are off by centimetres in distance.
+    assert one.significant("dl") > 25
+    assert f"significant for {one.significant('dl')} of 32 lasers" in page
+    page = report.render(
+        report.Study("A unit", False, certificates=[certified(not_better(made[2]))])
+    )
+    assert "not judged. Keep the factory's file" in " ".join(page.split())
+
+
+def test_the_certificate_states_expanded_uncertainties(made):
+    found = made[2]
+    one = certified(found)
     std = found.unit.calibration.std
     for number in (0, 31):
         laser = one.lasers[number]

@@ -77,6 +77,7 @@ rule write_report:
         factories=[path for path in STUDY.factories.values() if path != NOMINAL],
         pictures=figure_files(FIGURES, ["png"]),
         numbers=figure_files(FIGURES, ["csv"]),
+        certificate=f"{RESULTS}/certificate.json" if CALIBRATIONS else [],
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
         field_table=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
+from velocal.evaluation.certificate import Certificate
 from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
 from velocal.paper import agreement
@@ -112,6 +113,8 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG pictures of these recordings, by sample.
+    certificates : sequence of Certificate
+        Of the calibrations of units.
     methods : DataFrame or None
         Numbers of the comparison of methods.
     methods_png : bytes
@@ -134,6 +137,7 @@ class Study:
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    certificates: Sequence[Certificate] = ()
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None

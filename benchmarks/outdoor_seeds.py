@@ -91,7 +91,7 @@ def sample(simulated, row, candidates, section):
     """Rows of the panels of one outdoor sample."""
     scanner = SCANNERS[row.scanner]
     scene = outdoor_scene(simulated, scanner.name, row.scene, 1.0)
-    middle, half = simulated.outdoor["azimuth_deg"], np.rad2deg(2.5 / row.distance_m)
+    middle, half = simulated.outdoor.azimuth_deg, np.rad2deg(2.5 / row.distance_m)
     rng = simulated.rng("tuning", row.name)
     # All lasers are off by up to ten degrees: the sector is wide enough for each.
     step = scanner.firing_cycle_s * 3600.0 / AZIMUTH_TICK_DEG
@@ -103,7 +103,7 @@ def sample(simulated, row, candidates, section):
     phi, lasers, length, raw = phi[hit], lasers[hit], length[hit], raw[hit]
     drift = truth.drift(simulated, scanner.name, row.name).mean(axis=0)
     noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
-    noise *= np.hypot(1.0, simulated.outdoor["kinds"][row.kind]["fog"]["noise"])
+    noise *= np.hypot(1.0, simulated.outdoor.kinds[row.kind].fog.noise)
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))
     beams = Beams(raw, phi, lasers, scanner.distance_tick_m)
     cloud = Cloud.from_beams(beams, candidates[0].parameters)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from compare_methods import main
+from support.corner import FACTORY, TRUE, N, position
 from support.station import write_station
 
 from velocal.adjustment.joint import adjust_joint
@@ -19,49 +20,12 @@ from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import PARAMETERS, LaserParameters
+from velocal.scanner.parameters import PARAMETERS
 from velocal.study.adjustment import Adjustment
 
-N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
 STOCHASTIC = Stochastic(noise_std_m=0.01, prior_std=PRIOR)
-FACTORY = LaserParameters(
-    dl=np.full(N, 0.1),
-    alpha=np.linspace(-0.06, 0.06, N),
-    v=np.linspace(-0.42, 0.02, N),
-    voff=np.full(N, 0.2),
-    hoff=np.linspace(-0.02, 0.02, N),
-)
-RNG = np.random.default_rng(3)
-#: Its mean over the lasers is the datum of planes that nobody surveyed.
-TURN = RNG.normal(0.0, 1e-3, N)
-TRUE = FACTORY.corrected(
-    {"dl": RNG.normal(0.01, 0.02, N), "alpha": TURN - TURN.mean(), "v": RNG.normal(0.0, 1e-3, N)}
-)
 NAMES = ("short", "long", "floor")
-
-
-def position(heading, distances, tilt=0.0, points=240):
-    """Distances to two walls at a right angle, above a floor, without noise."""
-    c, s = np.cos(heading), np.sin(heading)
-    normals = np.array([[c, s, tilt], [-s, c, -tilt], [tilt, tilt, -1.0]])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    phi = np.linspace(-np.pi, np.pi, points, endpoint=False)
-    laser = np.repeat(np.arange(N), points)
-    angle = np.tile(phi, N)
-    reach = []
-    for normal, distance in zip(normals, distances, strict=True):
-        flat = Observations(
-            np.zeros(len(angle)), angle, laser, np.tile(normal, (len(angle), 1)),
-            np.full(len(angle), -distance),
-        )  # fmt: skip
-        reach.append(-flat.misclosure(TRUE))
-    ranges = np.where(np.array(reach) > 0.5, reach, np.inf)
-    plane = np.argmin(ranges, axis=0)
-    hit = np.min(ranges, axis=0) < 12.0
-    return Observations(
-        np.min(ranges, axis=0), angle, laser, normals[plane], -np.asarray(distances)[plane], plane
-    ).take(hit)
 
 
 def samples(noise, count=1):

@@ -18,6 +18,22 @@ DRIFT_FILES = (
     if SETTINGS.compare_with_paper
     else []
 )
+CLAIM_FILES = (
+    expand(
+        f"{RESULTS}/published/{{name}}",
+        name=(
+            "claims.csv",
+            "claims.md",
+            *(
+                f"{stem}.{suffix}"
+                for stem in ("light", "offsets")
+                for suffix in ("csv", "svg", "png")
+            ),
+        ),
+    )
+    if SETTINGS.compare_with_paper
+    else []
+)
 SURVEYED = list(STUDY.surveyed)
 
 
@@ -55,3 +71,52 @@ rule measure_drift:
         simulated=bool(WORLD),
     script:
         "../../scripts/measure_drift.py"
+
+
+rule judge_claims:
+    input:
+        assigned=per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", SURVEYED
+        ),
+        adjustments=per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", SURVEYED
+        ),
+        covariances=per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv", SURVEYED
+        ),
+        surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
+        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+        truths=expand(
+            f"{RESULTS}/simulation/truth/{{scanner}}.csv",
+            scanner=STUDY.scanners if WORLD else (),
+        ),
+        lasers=f"{RESULTS}/statistics/lasers.csv",
+        summary=f"{RESULTS}/statistics/summary.csv",
+        outdoor_samples=f"{RESULTS}/outdoor/summary.csv",
+        outdoor_means=f"{RESULTS}/outdoor/means.csv",
+        drift=f"{RESULTS}/drift/lasers.csv",
+    output:
+        claims=f"{RESULTS}/published/claims.csv",
+        claims_md=f"{RESULTS}/published/claims.md",
+        light_csv=f"{RESULTS}/published/light.csv",
+        light_svg=f"{RESULTS}/published/light.svg",
+        light_png=f"{RESULTS}/published/light.png",
+        offsets_csv=f"{RESULTS}/published/offsets.csv",
+        offsets_svg=f"{RESULTS}/published/offsets.svg",
+        offsets_png=f"{RESULTS}/published/offsets.png",
+    log:
+        f"{RESULTS}/logs/judge_claims.log",
+    params:
+        samples=samples_per_window(SURVEYED),
+        positions=positions_per_window(SURVEYED),
+        scanners=[STUDY.samples[name].scanner for name in samples_per_window(SURVEYED)],
+        factory_scanners=[
+            name for name, path in STUDY.factories.items() if path != NOMINAL
+        ],
+        truth_scanners=STUDY.scanners if WORLD else [],
+        adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
+        tables=SETTINGS.plain()["tables"],
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/judge_claims.py"

@@ -113,7 +113,7 @@ METHODS = (
     ),
     Method(
         "stations", "planes unknown, several stations", "[14] of the paper",
-        "the same without a range scale: static stations without targets",
+        "lasers and planes together without a range scale: static stations without targets",
         joint=True, planes_unknown=True,
     ),
     Method(

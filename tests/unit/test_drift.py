@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from support.chain import study_world
 from support.corner import FACTORY, TRUE, N, position
 
 from velocal.evaluation.drift import Window, drift, drift_table, summarised, temperature_table
+from velocal.io import storage
+from velocal.recording.scan import inspect
+from velocal.recording.windows import temperature_deg_c, window_rotations
 from velocal.reporting.figures.drift import draw
+from velocal.simulation import capture
 
 #: Distances of every laser change by this much, metres.
 CHANGE = np.linspace(-0.02, 0.03, N)
@@ -97,3 +102,27 @@ def test_the_figure_has_a_row_per_scanner(tables):
     assert [ax.get_title(loc="left") for ax in figure.axes[::2]] == ["HDL-64E", "HDL-32E"]
     texts = [text.get_text() for text in figure.axes[3].texts]
     assert texts == ["sends no temperature"]
+
+
+@pytest.mark.parametrize(
+    ("scanner", "place", "sample"), [("HDL-64E", "P1", "sa1"), ("HDL-32E", "P5", "sa5")]
+)
+def test_the_temperature_of_a_window_is_read_from_its_packets(scanner, place, sample, tmp_path):
+    """sa1 begins 12 K colder than the steady 46 deg C and gets there with a constant of 60 s."""
+    world, path = study_world(), tmp_path / "capture.bin"
+    storage.write_blocks(path, capture.records(world, scanner, place, sample, 6))
+    index = inspect(path).index
+    windows = [window_rotations(index, name, 2, "here") for name in ("beginning", "end")]
+    found = [temperature_deg_c(path, index, rotations) for rotations in windows]
+    if scanner == "HDL-32E":
+        assert np.isnan(found).all()
+        return
+    share = index.packet / index.packet[-1]  # of the 300 s that a recording stands for
+    expected = [
+        46.0
+        + world.temperature_k(sample, np.linspace(share[own[0]], share[own[-1] + 1], 50)).mean()
+        for own in windows
+    ]
+    # Readings are whole degrees.
+    np.testing.assert_allclose(found, expected, atol=0.7)
+    assert found[0] < found[1] - 3.0

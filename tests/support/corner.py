@@ -21,21 +21,21 @@ TRUE = FACTORY.corrected(
 )
 
 
-def position(heading, distances, tilt=0.0, points=240):
+def position(heading, distances, tilt=0.0, points=240, parameters=TRUE):
     """Distances to two walls at a right angle, above a floor, without noise."""
     c, s = np.cos(heading), np.sin(heading)
     normals = np.array([[c, s, tilt], [-s, c, -tilt], [tilt, tilt, -1.0]])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     phi = np.linspace(-np.pi, np.pi, points, endpoint=False)
-    laser = np.repeat(np.arange(N), points)
-    angle = np.tile(phi, N)
+    laser = np.repeat(np.arange(len(parameters)), points)
+    angle = np.tile(phi, len(parameters))
     reach = []
     for normal, distance in zip(normals, distances, strict=True):
         flat = Observations(
             np.zeros(len(angle)), angle, laser, np.tile(normal, (len(angle), 1)),
             np.full(len(angle), -distance),
         )  # fmt: skip
-        reach.append(-flat.misclosure(TRUE))
+        reach.append(-flat.misclosure(parameters))
     ranges = np.where(np.array(reach) > 0.5, reach, np.inf)
     plane = np.argmin(ranges, axis=0)
     hit = np.min(ranges, axis=0) < 12.0

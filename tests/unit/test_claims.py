@@ -3,11 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
+from judge_claims import main
 from support.corner import FACTORY, N, position
 from support.results import TABLES, statistics
+from support.station import write_station
 
 from velocal.adjustment.result import CalibrationSet
+from velocal.chain import adjust
 from velocal.errors import VelocalError
+from velocal.geometry.planes import Patch, Plane
+from velocal.io import schemas, storage
 from velocal.paper.claims import lasers, light, offsets, outdoor, verdict, windows
 from velocal.paper.claims.verdict import Verdict
 from velocal.paper.printed import outdoor_seeds, printed_claims
@@ -240,3 +245,98 @@ def test_every_claim_has_one_verdict():
     assert "simulated world" in text
     with pytest.raises(VelocalError, match="claims of the paper"):
         verdict.table(judged[1:])
+
+
+# Script ------------------------------------------------------------------------------------
+
+
+def patches(data):
+    """The planes that the observations were made on."""
+    return [
+        Patch(name, Plane(data.normal[row], float(data.offset[row]), np.zeros((4, 4))), corners)
+        for name, row, corners in zip(
+            ("short_wall", "long_wall", "floor"),
+            np.unique(data.plane, return_index=True)[1],
+            np.zeros((3, 4, 3)),
+            strict=True,
+        )
+    ]
+
+
+@pytest.mark.slow
+def test_script_writes_every_claim(tmp_path):
+    stood = {"sa1": "P1", "sa2": "P1", "sa3": "P2", "sa4": "P2", "sa5": "P5", "sa6": "P6"}
+    scanners = {name: "HDL-32E" if name in ("sa5", "sa6") else "HDL-64E" for name in stood}
+    settings = SETTINGS.model_copy(update={"repeatability_cm": 1.0})
+    order, files = [], {"assigned": [], "adjustments": [], "covariances": []}
+    for sample, place in stood.items():
+        design = nominal(SCANNERS[scanners[sample]])
+        data = position(0.4, (2.0, 3.0, 0.8), points=40, parameters=design)
+        write_station(tmp_path / f"{place}.json", place, scanners[sample], patches(data))
+        for window in ("beginning", "end"):
+            folder = tmp_path / sample / window
+            folder.mkdir(parents=True)
+            noise = RNG.normal(0.0, 0.01, len(data.phi))
+            columns = {
+                "laser_id": data.laser_id.astype(np.uint8), "plane": data.plane.astype(np.uint8),
+                "phi_rad": data.phi, "distance_m": data.distance_m + noise,
+            }  # fmt: skip
+            found = adjust(data, design, settings)
+            storage.write_table(folder / "assigned.parquet", schemas.ASSIGNED, columns)
+            storage.write_csv(folder / "adjustment.csv", found.to_columns())
+            storage.write_csv(folder / "covariance.csv", found.covariance_columns())
+            files["assigned"].append(folder / "assigned.parquet")
+            files["adjustments"].append(folder / "adjustment.csv")
+            files["covariances"].append(folder / "covariance.csv")
+            order.append(sample)
+    of_kind = means(1.5)
+    seeds = outdoor_seeds()
+    samples_ = [
+        {"kind": row.kind, "scanner": row.scanner, "sample": row.sample, "role": role,
+         "parameter_set": name, "distance_m": row.distance_m, "points": 9, "trimmed": 0,
+         "lasers": 9, "rms_cm": rms, "shown": shown}
+        for row in seeds[seeds["seed"] == seeds["seed"].min()].itertuples()
+        for role, name, shown, rms in (
+            ("factory", "", "before", row.before_cm), ("set", "s", "after", row.after_cm),
+        )
+    ]  # fmt: skip
+    inputs = {
+        "lasers": LASERS, "summary": SUMMARY, "outdoor_samples": pd.DataFrame(samples_),
+        "outdoor_means": of_kind, "drift": moved(),
+    }  # fmt: skip
+    for name, frame in inputs.items():
+        storage.write_csv(tmp_path / f"{name}.csv", frame)
+    outputs = {
+        name: tmp_path / name.replace("_", ".")
+        for name in (
+            "claims_csv", "claims_md", "light_csv", "light_svg", "light_png", "offsets_csv",
+            "offsets_svg", "offsets_png",
+        )
+    }  # fmt: skip
+    outputs["claims"] = outputs.pop("claims_csv")
+    main(
+        **files,
+        surveys=[tmp_path / f"{place}.json" for place in dict.fromkeys(stood.values())],
+        factories=[],
+        truths=[],
+        **{name: tmp_path / f"{name}.csv" for name in inputs},
+        **outputs,
+        samples=order,
+        positions=[stood[name] for name in order],
+        scanners=[scanners[name] for name in order],
+        factory_scanners=[],
+        truth_scanners=[],
+        adjustment=dict.fromkeys(("HDL-64E", "HDL-32E"), settings),
+        tables=TABLES,
+        sigma_cm=2.0,
+        simulated=False,
+    )
+    assert all(path.stat().st_size > 0 for path in outputs.values())
+    written = pd.read_csv(outputs["claims"])
+    assert written["item"].tolist() == printed_claims()["item"].tolist()
+    assert set(written["verdict"]) <= {each.value for each in Verdict}
+    assert not written.isna().any().any()
+    # Equal data give equal parameters: nothing differs, and no truth is known.
+    assert (pd.read_csv(outputs["light_csv"])["difference"] == 0.0).all()
+    assert pd.read_csv(outputs["offsets_csv"])["hoff_true_cm"].isna().all()
+    assert "simulated" not in outputs["claims_md"].read_text()

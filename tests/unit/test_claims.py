@@ -1,9 +1,11 @@
 """Verdicts on claims of the paper: they follow from the numbers, in both directions."""
 
+import adjust_offsets
+import compare_light
+import judge_claims
 import numpy as np
 import pandas as pd
 import pytest
-from judge_claims import main
 from support.corner import FACTORY, N, position
 from support.results import TABLES, statistics
 from support.station import write_station
@@ -306,37 +308,43 @@ def test_script_writes_every_claim(tmp_path):
     }  # fmt: skip
     for name, frame in inputs.items():
         storage.write_csv(tmp_path / f"{name}.csv", frame)
-    outputs = {
-        name: tmp_path / name.replace("_", ".")
-        for name in (
-            "claims_csv", "claims_md", "light_csv", "light_svg", "light_png", "offsets_csv",
-            "offsets_svg", "offsets_png",
-        )
-    }  # fmt: skip
-    outputs["claims"] = outputs.pop("claims_csv")
-    main(
-        **files,
+    pictures = {
+        stem: {kind: tmp_path / f"{stem}.{kind}" for kind in ("csv", "svg", "png")}
+        for stem in ("light", "offsets")
+    }
+    of_scanners = [scanners[name] for name in order]
+    adjust_offsets.main(
+        assigned=files["assigned"],
         surveys=[tmp_path / f"{place}.json" for place in dict.fromkeys(stood.values())],
         factories=[],
         truths=[],
-        **{name: tmp_path / f"{name}.csv" for name in inputs},
-        **outputs,
+        **pictures["offsets"],
         samples=order,
         positions=[stood[name] for name in order],
-        scanners=[scanners[name] for name in order],
+        scanners=of_scanners,
         factory_scanners=[],
         truth_scanners=[],
         adjustment=dict.fromkeys(("HDL-64E", "HDL-32E"), settings),
-        tables=TABLES,
-        sigma_cm=2.0,
         simulated=False,
     )
-    assert all(path.stat().st_size > 0 for path in outputs.values())
+    of_light = [number for number, name in enumerate(of_scanners) if name == "HDL-64E"]
+    compare_light.main(
+        **{name: [files[name][k] for k in of_light] for name in ("adjustments", "covariances")},
+        calibration=None,
+        **pictures["light"],
+        samples=[order[k] for k in of_light],
+        scanner="HDL-64E",
+        simulated=False,
+    )
+    inputs = {name: tmp_path / f"{name}.csv" for name in (*inputs, "light", "offsets")}
+    outputs = {"claims": tmp_path / "claims.csv", "claims_md": tmp_path / "claims.md"}
+    judge_claims.main(**inputs, **outputs, tables=TABLES, sigma_cm=2.0, simulated=False)
+    assert all(path.stat().st_size > 0 for each in pictures.values() for path in each.values())
     written = pd.read_csv(outputs["claims"])
     assert written["item"].tolist() == printed_claims()["item"].tolist()
     assert set(written["verdict"]) <= {each.value for each in Verdict}
     assert not written.isna().any().any()
     # Equal data give equal parameters: nothing differs, and no truth is known.
-    assert (pd.read_csv(outputs["light_csv"])["difference"] == 0.0).all()
-    assert pd.read_csv(outputs["offsets_csv"])["hoff_true_cm"].isna().all()
+    assert (pd.read_csv(inputs["light"])["difference"] == 0.0).all()
+    assert pd.read_csv(inputs["offsets"])["hoff_true_cm"].isna().all()
     assert "simulated" not in outputs["claims_md"].read_text()

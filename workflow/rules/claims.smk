@@ -10,31 +10,26 @@
 #       {results}/published/light.{csv,svg,png}      samples with and without light, per laser
 #       {results}/published/offsets.{csv,svg,png}    voff and hoff adjusted too, per laser
 
-DRIFT_FILES = (
-    expand(
+from velocal.paper.claims.light import LIGHT
+
+CLAIM_FILES = [
+    *expand(
+        f"{RESULTS}/published/{{stem}}.{{suffix}}",
+        stem=("light", "offsets"),
+        suffix=("csv", "svg", "png"),
+    ),
+    f"{RESULTS}/published/claims.csv",
+    f"{RESULTS}/published/claims.md",
+    *expand(
         f"{RESULTS}/drift/{{name}}",
         name=("lasers.csv", "summary.csv", "temperature.csv", "drift.svg", "drift.png"),
-    )
-    if SETTINGS.compare_with_paper
-    else []
-)
-CLAIM_FILES = (
-    expand(
-        f"{RESULTS}/published/{{name}}",
-        name=(
-            "claims.csv",
-            "claims.md",
-            *(
-                f"{stem}.{suffix}"
-                for stem in ("light", "offsets")
-                for suffix in ("csv", "svg", "png")
-            ),
-        ),
-    )
-    if SETTINGS.compare_with_paper
-    else []
-)
+    ),
+]
+CLAIM_FILES = CLAIM_FILES if SETTINGS.compare_with_paper else []
 SURVEYED = list(STUDY.surveyed)
+LIGHT_SAMPLES = (
+    [name for pair in LIGHT for name in pair] if SETTINGS.compare_with_paper else []
+)
 
 
 rule measure_drift:
@@ -73,16 +68,10 @@ rule measure_drift:
         "../../scripts/measure_drift.py"
 
 
-rule judge_claims:
+rule adjust_offsets:
     input:
         assigned=per_window(
             f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", SURVEYED
-        ),
-        adjustments=per_window(
-            f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", SURVEYED
-        ),
-        covariances=per_window(
-            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv", SURVEYED
         ),
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         factories=[path for path in STUDY.factories.values() if path != NOMINAL],
@@ -90,22 +79,12 @@ rule judge_claims:
             f"{RESULTS}/simulation/truth/{{scanner}}.csv",
             scanner=STUDY.scanners if WORLD else (),
         ),
-        lasers=f"{RESULTS}/statistics/lasers.csv",
-        summary=f"{RESULTS}/statistics/summary.csv",
-        outdoor_samples=f"{RESULTS}/outdoor/summary.csv",
-        outdoor_means=f"{RESULTS}/outdoor/means.csv",
-        drift=f"{RESULTS}/drift/lasers.csv",
     output:
-        claims=f"{RESULTS}/published/claims.csv",
-        claims_md=f"{RESULTS}/published/claims.md",
-        light_csv=f"{RESULTS}/published/light.csv",
-        light_svg=f"{RESULTS}/published/light.svg",
-        light_png=f"{RESULTS}/published/light.png",
-        offsets_csv=f"{RESULTS}/published/offsets.csv",
-        offsets_svg=f"{RESULTS}/published/offsets.svg",
-        offsets_png=f"{RESULTS}/published/offsets.png",
+        csv=f"{RESULTS}/published/offsets.csv",
+        svg=f"{RESULTS}/published/offsets.svg",
+        png=f"{RESULTS}/published/offsets.png",
     log:
-        f"{RESULTS}/logs/judge_claims.log",
+        f"{RESULTS}/logs/adjust_offsets.log",
     params:
         samples=samples_per_window(SURVEYED),
         positions=positions_per_window(SURVEYED),
@@ -115,6 +94,54 @@ rule judge_claims:
         ],
         truth_scanners=STUDY.scanners if WORLD else [],
         adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/adjust_offsets.py"
+
+
+rule compare_light:
+    input:
+        adjustments=per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", LIGHT_SAMPLES
+        ),
+        covariances=per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv", LIGHT_SAMPLES
+        ),
+        calibration=(
+            factory_path(STUDY.samples[LIGHT_SAMPLES[0]].scanner)
+            if LIGHT_SAMPLES
+            else []
+        ),
+    output:
+        csv=f"{RESULTS}/published/light.csv",
+        svg=f"{RESULTS}/published/light.svg",
+        png=f"{RESULTS}/published/light.png",
+    log:
+        f"{RESULTS}/logs/compare_light.log",
+    params:
+        samples=samples_per_window(LIGHT_SAMPLES),
+        scanner=lambda wildcards: STUDY.samples[LIGHT_SAMPLES[0]].scanner,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/compare_light.py"
+
+
+rule judge_claims:
+    input:
+        light=f"{RESULTS}/published/light.csv",
+        offsets=f"{RESULTS}/published/offsets.csv",
+        lasers=f"{RESULTS}/statistics/lasers.csv",
+        summary=f"{RESULTS}/statistics/summary.csv",
+        outdoor_samples=f"{RESULTS}/outdoor/summary.csv",
+        outdoor_means=f"{RESULTS}/outdoor/means.csv",
+        drift=f"{RESULTS}/drift/lasers.csv",
+    output:
+        claims=f"{RESULTS}/published/claims.csv",
+        claims_md=f"{RESULTS}/published/claims.md",
+    log:
+        f"{RESULTS}/logs/judge_claims.log",
+    localrule: True
+    params:
         tables=SETTINGS.plain()["tables"],
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
         simulated=bool(WORLD),

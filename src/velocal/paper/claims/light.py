@@ -104,13 +104,16 @@ def judge(found: pd.DataFrame, drift: pd.DataFrame) -> Judgement:
         f"in both pairs have a correlation of {together:+.2f} over the lasers.",
         "Chi-square over the lasers with the stated noise and repeatability of both samples, Holm "
         f"over {len(p_values)} tests, smallest p {smallest:.2g}. Holds if none is below {ALPHA:g}. "
-        f"An influence on dl of {max(effects):.1f} cm rms would be found with {POWER:.0%}.",
+        f"An influence on dl of {max(effects):.1f} cm rms would be found with a probability of "
+        f"{100 * POWER:.0f} %.",
         Verdict.FAILS if smallest < ALPHA else Verdict.HOLDS,
-        "With and without light, samples differ by no more than recordings do anyway. Their mean "
-        f"differences of dl ({means} cm) come from scanners that began cold or warm: between the "
-        f"last windows they are {_at_the_end(drift)} cm. The stated noise of the angles is mostly "
-        "a pattern that repeats in both samples, so that the test of alpha and v is a weak one. "
-        "Every pair differs in light and in time, and the samples cannot separate the two.",
+        "With and without light, samples differ by "
+        + ("more" if smallest < ALPHA else "no more")
+        + f" than recordings do anyway. The mean differences of dl ({means} cm) contain what "
+        "scanners that began cold or warm had left to go; between the last windows they are "
+        f"{_at_the_end(drift)} cm. The stated noise of the angles is mostly a pattern that repeats "
+        "in both samples, so that the test of alpha and v is a weak one. Every pair differs in "
+        "light and in time, and the samples cannot separate the two.",
     )
 
 

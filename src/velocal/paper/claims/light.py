@@ -109,8 +109,8 @@ def judge(found: pd.DataFrame, drift: pd.DataFrame) -> Judgement:
         Verdict.FAILS if smallest < ALPHA else Verdict.HOLDS,
         "With and without light, samples differ by "
         + ("more" if smallest < ALPHA else "no more")
-        + f" than recordings do anyway. The mean differences of dl ({means} cm) contain what "
-        "scanners that began cold or warm had left to go; between the last windows they are "
+        + f" than recordings do anyway. The mean differences of dl ({means} cm) contain the "
+        "warm-up of scanners that began cold or warm; between the last windows they are "
         f"{_at_the_end(drift)} cm. The stated noise of the angles is mostly a pattern that repeats "
         "in both samples, so that the test of alpha and v is a weak one. Every pair differs in "
         "light and in time, and the samples cannot separate the two.",

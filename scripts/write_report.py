@@ -32,6 +32,7 @@ def main(
     *,
     ledgers: list[Path],
     agreement: Path | None,
+    claims: Path | None,
     summary: Path | None,
     surveys: list[Path],
     sets: list[Path],
@@ -78,6 +79,7 @@ def main(
         tables=tables,
         summary=_optional(summary),
         agreement=_optional(agreement),
+        claims=_optional(claims),
         figures=[
             report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
             for (number, selection), png, csv in drawn

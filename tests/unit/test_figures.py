@@ -71,6 +71,22 @@ def test_windows_are_weighted_by_their_residuals():
     np.testing.assert_allclose(std, np.sqrt(mean_square))
 
 
+def test_lasers_that_become_worse_are_marked():
+    lasers = LASERS.copy()
+    own = (lasers["data"] == "validation") & lasers["laser_id"].isin([3, 8])
+    lasers.loc[own & (lasers["role"] == "factory"), "rms_cm"] = 0.01
+    found = per_laser.per_laser(lasers, SUMMARY, selection())
+    before, after = (found[found["calibration"] == when] for when in ("before", "after"))
+    worse = after["rms_cm"].to_numpy() > before["rms_cm"].to_numpy()
+    assert worse[[3, 8]].all()
+    assert after["worse"].tolist() == worse.astype(int).tolist()
+    assert not before["worse"].any()
+    figure = per_laser.draw_per_laser(found, selection(), sigma_cm=2.0, simulated=False)
+    rings = [line for line in figure.axes[0].lines if "worse" in str(line.get_label())]
+    assert rings[0].get_label() == f"worse: {worse.sum()} of {len(worse)}"
+    assert rings[0].get_xdata().tolist() == after["laser"][worse].tolist()
+
+
 def test_a_laser_without_residuals_is_named_and_not_drawn():
     found = numbers()
     assert found.query("laser == 7")["rms_cm"].isna().all()

@@ -90,6 +90,16 @@ FULL = report.Study(
     tables=TABLES,
     summary=SUMMARY,
     agreement=agreement(),
+    claims=pd.DataFrame(
+        {
+            "claim": ["It holds.", "It does not."],
+            "where": ["here", "there"],
+            "computed": ["1 < 2", "2 > 1"],
+            "test": ["t", "F"],
+            "verdict": ["holds", "cannot be judged"],
+            "explanation": ["so it is", "too few"],
+        }
+    ),
     figures=[
         report.Figure(
             "16",
@@ -241,6 +251,14 @@ def test_fixed(value, text):
     assert report.fixed(value, 2) == text
 
 
+def test_claims_show_their_verdict_and_open_their_numbers():
+    text = PAGE[PAGE.index("Claims of the paper") :]
+    assert "<td>holds</td><td><details><summary>so it is</summary>" in text
+    assert '<td class="off">cannot be judged</td>' in text
+    assert "1 &lt; 2" in text
+    assert "Claims of the paper" not in report.render(replace(FULL, claims=None))
+
+
 def test_script_reads_what_is_there(tmp_path):
     storage.write_json(tmp_path / "recordings/sa5/ledger.json", LEDGER)
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
@@ -264,7 +282,9 @@ def test_script_reads_what_is_there(tmp_path):
         "outdoor_pictures": [],
         "outdoor_numbers": [],
     }
-    files |= dict.fromkeys(("certificate", "methods_csv", "methods_png", "field_table", "outdoor"))
+    files |= dict.fromkeys(
+        ("certificate", "methods_csv", "methods_png", "field_table", "outdoor", "claims")
+    )
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}

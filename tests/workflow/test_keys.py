@@ -268,7 +268,7 @@ WITHOUT_AN_OUTPUT = {
     "outdoor.samples": _FILE,
     "unsurveyed.samples": _FILE,
     "unsurveyed.recordings": _FILE,
-    "compare_with_paper": "asks for one more file, and changes no other",
+    "compare_with_paper": "asks for further files, and adds their section to the report",
 }
 
 

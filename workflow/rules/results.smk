@@ -15,6 +15,7 @@ TABLE_FILES = expand(
     suffix=("csv", "md", "tex"),
 )
 AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
+CLAIMS = f"{RESULTS}/published/claims.csv" if SETTINGS.compare_with_paper else []
 MISSES = f"{RESULTS}/published/misses.csv" if SETTINGS.compare_with_paper else []
 
 
@@ -71,6 +72,7 @@ rule write_report:
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         agreement=AGREEMENT,
+        claims=CLAIMS,
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),

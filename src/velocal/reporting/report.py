@@ -102,6 +102,8 @@ class Study:
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed entry with the reproduced one.
+    claims : DataFrame or None
+        Claims of the paper with their verdicts.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -131,6 +133,7 @@ class Study:
     tables: Mapping[str, figures.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
+    claims: pd.DataFrame | None = None
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
@@ -167,6 +170,7 @@ def render(study: Study) -> str:
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
         "statements": agreement.statements_of(cells),
+        "claims": [] if study.claims is None else study.claims.to_dict(orient="records"),
         "cells": cells,
         "contradictions": CONTRADICTIONS,
         "tables": _tables(study, cells),

@@ -22,6 +22,7 @@ from velocal.reporting.style import (
     AFTER,
     BEFORE,
     CONNECTION,
+    DARK,
     finish,
     laser_axis,
     reference,
@@ -68,7 +69,8 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
     -------
     DataFrame
         Columns ``laser`` (counted from 1 as in the paper), ``laser_id``, ``calibration`` (before
-        or after), ``role`` and ``parameter_set``, ``count`` and those of the kind. Windows are
+        or after), ``role`` and ``parameter_set``, ``count`` and those of the kind; with
+        ``rms_cm`` also ``worse``, 1 where it is larger after than before. Windows are
         weighted by their number of residuals: ``rms_cm`` is of all residuals of the laser, shares
         are of all of them. NaN for a laser without residuals.
 
@@ -90,7 +92,7 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
         )
     chosen = of_data[of_data["sample"].isin(samples)]
     columns = [QUANTITIES[kind][0] for kind in PANELS[selection.kind]]
-    return pd.concat(
+    numbers = pd.concat(
         [
             _means(shown.rows(chosen), columns).assign(calibration=calibration, **shown.identity)[
                 ["laser", "laser_id", "calibration", "role", "parameter_set", "count", *columns]
@@ -99,6 +101,10 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
         ],
         ignore_index=True,
     )
+    if "rms_cm" in columns:
+        first, last = numbers["rms_cm"].to_numpy().reshape(2, -1)
+        numbers["worse"] = np.concatenate([np.zeros(len(first)), last > first]).astype(np.int64)
+    return numbers
 
 
 def _means(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
@@ -169,6 +175,12 @@ def _dumbbells(ax: Axes, numbers: pd.DataFrame, kind: str, sigma_cm: float) -> N
         laser, high, "o", color=AFTER, markersize=3.6, clip_on=False, zorder=4,
         label=f"after ({name_after(numbers)})",
     )  # fmt: skip
+    if "worse" in numbers and after["worse"].any():
+        worse = after["worse"].to_numpy() == 1
+        ax.plot(
+            laser[worse], high[worse], "o", color=DARK, markersize=7.0, markerfacecolor="none",
+            clip_on=False, zorder=5, label=f"worse: {worse.sum()} of {len(worse)}",
+        )  # fmt: skip
     if normal is None:
         level, text = sigma_cm, f"datasheet σ = {sigma_cm:g} cm"
         ax.set_ylim(0.0, 1.05 * max(float(np.nanmax([low, high])), sigma_cm))

@@ -20,7 +20,8 @@ from velocal.simulation.patterns import Residuals
 
 ROOT = Path(__file__).parents[1]
 DOC = ROOT / "docs/model.md"
-BEGIN, END = "<!-- made by benchmarks/variance_test.py -->", "<!-- end -->"
+BEGIN = "<!-- numbers: variance_test (made by python benchmarks/variance_test.py --write) -->"
+END = "<!-- end -->"
 SIGMA_M, RUNS = 0.02, 200
 #: Scanner, position and step of azimuth in degrees; what it is like.
 PLACES = {
@@ -142,7 +143,7 @@ def main() -> None:
     print(text)
     if "--write" in sys.argv[1:]:
         page = DOC.read_text(encoding="utf-8")
-        block = f"{BEGIN}\n{text}\n{END}"
+        block = f"{BEGIN}\n\n{text}\n\n{END}"
         found = re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, page, flags=re.S)
         DOC.write_text(found, encoding="utf-8")
 

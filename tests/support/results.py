@@ -36,6 +36,7 @@ def statistics() -> tuple[pd.DataFrame, pd.DataFrame]:
             for sample in samples:
                 for window in WINDOWS:
                     heading = {"scanner": scanner, "sample": sample, "window": window, "data": data}
+                    heading |= {"rotations_from": "outside" if data == "validation" else "window"}
                     lasers = _lasers(random, N_LASERS[scanner])
                     for role, name, std_cm in candidates:
                         own = heading | {"role": role.value, "parameter_set": name}

@@ -17,6 +17,9 @@ from velocal.evaluation.variance_test import correlated_variance_test, holm
 
 #: Columns that say which residuals a row of statistics is of.
 KEYS = ("scanner", "sample", "window", "data", *IDENTITY)
+#: Column that says whether the rotations are the window's own ("window") or outside all windows
+#: ("outside").
+ROTATIONS_FROM = "rotations_from"
 #: Significance of the variance tests.
 ALPHA = 0.05
 #: Columns that count lasers whose variance is significantly below sigma^2: the paper's two tests,

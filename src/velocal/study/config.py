@@ -191,7 +191,7 @@ class StudyConfig(Section):
     export: Export = Field(
         default=Export(), description="programs that the files of the parameter sets are for"
     )
-    validation: Validation | None = Field(default=None, description="residuals of single scans")
+    validation: Validation | None = Field(default=None, description="residuals of single rotations")
     compare_with_paper: bool = Field(
         default=False,
         description="write `published/agreement.csv`; needs the paper's samples, all four tables, "

@@ -209,8 +209,10 @@ def of_statements(found: Mapping[str, float], *, partial: bool = False) -> pd.Da
 def said_by_tables(shown: pd.DataFrame) -> dict[str, float]:
     """Numbers of the text that are means over the rows of a table.
 
-    Lasers: those whose variance about zero is significantly below sigma^2. About the laser's own
-    mean nearly all of them comply before any calibration, which is not what was printed.
+    Lasers: those whose variance about zero is significantly below sigma^2 by the paper's test,
+    which takes residuals as independent; the test for correlated residuals has no printed number.
+    About the laser's own mean nearly all of them comply before any calibration, which is not what
+    was printed.
 
     Parameters
     ----------

@@ -18,6 +18,7 @@ import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
 from velocal.evaluation.certificate import Certificate
+from velocal.evaluation.statistics import COMPLIES
 from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
 from velocal.paper import agreement
@@ -204,6 +205,7 @@ def render(study: Study) -> str:
         "field": _plain(study.field_table),
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
+        "tests": COMPLIES,
         "tolerances": TOLERANCES,
     }
     return environment().get_template("report.html.j2").render(content)
@@ -268,7 +270,7 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[Hashable, Any]]:
     if summary is None:
         return []
     keys = ["scanner", "data", *IDENTITY]
-    names = [*STATISTICS.values(), "complies_zero", "complies_mean", "lasers"]
+    names = [*STATISTICS.values(), *COMPLIES, "lasers"]
     scanners = list(dict.fromkeys(summary["scanner"]))
     summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
     means = summary.groupby(keys, sort=False)[names].mean().reset_index()

@@ -158,8 +158,9 @@ class Adjustment(Section):
     truncate_at: Positive | None = Field(
         default=None,
         description="a direction in the space of the parameters is weakly determined, and left at "
-        "the factory's value, if its standard deviation after the adjustment exceeds this many "
-        "prior ones; `null` truncates at machine precision, as a pseudo-inverse does",
+        "the factory's value, if its standard deviation for independent noise (`noise_cm`, "
+        "`angle_deg`) exceeds this many prior ones; `null` truncates at machine precision, as a "
+        "pseudo-inverse does",
     )
 
     @model_validator(mode="after")

@@ -201,7 +201,7 @@ class StudyConfig(Section):
         default=Export(),
         description="programs that the files of parameter sets and calibrations are for",
     )
-    validation: Validation | None = Field(default=None, description="residuals of single scans")
+    validation: Validation | None = Field(default=None, description="residuals of single rotations")
     compare_with_paper: bool = Field(
         default=False,
         description="write `published/agreement.csv`, the judged claims and `drift/`; needs the "

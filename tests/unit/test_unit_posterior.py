@@ -130,7 +130,7 @@ def test_gradient_is_that_of_finite_differences():
 
 def _unchanged(mean, covariance, prior_std, spread):
     """A datum that leaves the posterior of the means as it is."""
-    return CommonMean(mean, covariance, mean, np.sqrt(np.diag(covariance)), np.ones(2))
+    return CommonMean(mean, covariance, mean, np.sqrt(np.diag(covariance)), np.ones(3))
 
 
 def described(of, monkeypatch, datum=_unchanged):
@@ -173,15 +173,15 @@ def test_sources_are_covariances_and_sum_to_the_total(monkeypatch):
 
 
 def test_a_known_mean_takes_its_uncertainty_out(monkeypatch):
-    """With the means of alpha and v held at zero, the posterior is that of a model without them."""
+    """With the means of dl, alpha and v at zero, the posterior is that of a model without them."""
     of = case()
 
     def zero(mean, covariance, prior_std, spread):
-        return CommonMean(np.zeros(2), np.zeros((2, 2)), mean, mean, np.zeros(2))
+        return CommonMean(np.zeros(3), np.zeros((3, 3)), mean, mean, np.zeros(3))
 
     found, _ = described(of, monkeypatch, zero)
     tight = of.common_std.copy()
-    tight[[1, 2]] = 1e-7
+    tight[[0, 1, 2]] = 1e-7
     without = Case(of.sums, of.std, tight, of.design, of.noise, of.z)
     expected, _ = described(without, monkeypatch)
     np.testing.assert_allclose(found.corrections, expected.corrections, rtol=1e-5, atol=1e-7)

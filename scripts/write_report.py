@@ -11,6 +11,8 @@ from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.scripts import run
+from velocal.paper.agreement import unexpected
+from velocal.paper.printed import known_misses
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
@@ -19,7 +21,7 @@ FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 
 
 def _frame(path: Path) -> pd.DataFrame:
-    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "kind", "shown")))
+    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "kind", "shown", "within")))
 
 
 def _optional(path: Path | None) -> pd.DataFrame | None:
@@ -30,6 +32,7 @@ def main(
     *,
     ledgers: list[Path],
     agreement: Path | None,
+    listed_misses: Path | None,
     summary: Path | None,
     surveys: list[Path],
     sets: list[Path],
@@ -66,6 +69,7 @@ def main(
     columns: dict[str, dict[str, Any]] = {}
     for scanner, name, path in zip(set_scanners, set_names, sets, strict=True):
         columns.setdefault(scanner, {})[name] = storage.read_csv(path)
+    compared = _optional(agreement)
     drawn = zip(figures.items(), pictures, numbers, strict=True)
     study = report.Study(
         title=title,
@@ -73,7 +77,12 @@ def main(
         ledgers=dict(zip(samples, map(storage.read_json, ledgers), strict=True)),
         tables=tables,
         summary=_optional(summary),
-        agreement=_optional(agreement),
+        agreement=compared,
+        unexpected=(
+            []
+            if compared is None or listed_misses is None
+            else unexpected(compared, known_misses(listed_misses))
+        ),
         figures=[
             report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
             for (number, selection), png, csv in drawn

@@ -6,7 +6,8 @@
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
 #       {results}/published/misses.csv       those outside their tolerance, with the known reason;
 #                                            the run fails if another one is outside
-#       {results}/report.html                all of it on one page that needs no network
+#       {results}/report.html                all of it on one page that needs no network; it is
+#                                            written before that check, and shows what fails
 
 from velocal.paper.printed import KNOWN_MISSES
 
@@ -60,6 +61,7 @@ rule check_agreement:
     input:
         agreement=f"{RESULTS}/published/agreement.csv",
         known=KNOWN_MISSES,
+        report=f"{RESULTS}/report.html",  # written first, so that it exists if this fails
     output:
         misses=f"{RESULTS}/published/misses.csv",
     log:
@@ -118,6 +120,7 @@ rule write_report:
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         agreement=AGREEMENT,
+        listed_misses=KNOWN_MISSES if AGREEMENT else [],
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),

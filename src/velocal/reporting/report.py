@@ -76,6 +76,8 @@ class Study:
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed entry with the reproduced one.
+    unexpected : sequence of str
+        What of the agreement is not as it was, a line each.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -103,6 +105,7 @@ class Study:
     tables: Mapping[str, figures.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
+    unexpected: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
@@ -149,6 +152,7 @@ def render(study: Study) -> str:
         **vars(study),
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
+        "unexpected": study.unexpected,
         "statements": agreement.statements_of(cells),
         "cells": cells,
         "contradictions": CONTRADICTIONS,

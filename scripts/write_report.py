@@ -47,6 +47,7 @@ def main(
     report_html: Path,
     title: str,
     simulated: bool,
+    rotations: int | None,
     tables: Mapping[str, Table],
     figures: Mapping[str, Any],
     factories: list[Path],
@@ -81,7 +82,7 @@ def main(
         unexpected=(
             []
             if compared is None or listed_misses is None
-            else unexpected(compared, known_misses(listed_misses))
+            else unexpected(compared, known_misses(listed_misses, rotations))
         ),
         figures=[
             report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())

@@ -44,6 +44,14 @@ def test_a_known_miss_that_is_no_item_is_an_error():
         check(agreement(a=1.2, b=2.0), KNOWN | {"c": "?"})
 
 
+def test_a_known_miss_may_be_one_of_recordings_of_a_length(tmp_path):
+    path = tmp_path / "known.csv"
+    path.write_text("item,rotations,reason\na,,always\nb,330,near the tolerance\n")
+    assert known_misses(path, 330) == {"a": "always", "b": "near the tolerance"}
+    assert known_misses(path, 3000) == {"a": "always"}
+    assert known_misses(path) == known_misses(path, 330)
+
+
 def test_every_known_miss_is_an_item_and_has_a_reason():
     items = {row.item(name) for row in printed_rows() for name in TOLERANCES}
     items |= {PREFIX + str(item) for item in printed_statements()["item"]}

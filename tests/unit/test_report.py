@@ -250,7 +250,7 @@ def test_script_reads_what_is_there(tmp_path):
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
     storage.write_csv(tmp_path / "agreement.csv", FULL.agreement)
     item = FULL.agreement["item"][FULL.agreement["within"] == "true"].iloc[0]
-    (tmp_path / "known.csv").write_text(f"item,reason\n{item},it was missed once\n")
+    (tmp_path / "known.csv").write_text(f"item,rotations,reason\n{item},,it was missed once\n")
     storage.write_json(tmp_path / "P5.json", SURVEY)
     drawn = tmp_path / "figure_16.png"
     drawn.write_bytes(PNG)
@@ -271,7 +271,7 @@ def test_script_reads_what_is_there(tmp_path):
         "outdoor_pictures": [],
     }
     files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
-    common = {"title": "t", "simulated": True, "tables": TABLES}
+    common = {"title": "t", "simulated": True, "rotations": 330, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
     common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": []}

@@ -21,6 +21,7 @@ TABLE_FILES = expand(
     suffix=("csv", "md", "tex"),
 )
 AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
+ROTATIONS = SETTINGS.simulation.rotations if SETTINGS.simulation else None
 MISSES = f"{RESULTS}/published/misses.csv" if SETTINGS.compare_with_paper else []
 
 
@@ -67,6 +68,8 @@ rule check_agreement:
     log:
         f"{RESULTS}/logs/check_agreement.log",
     localrule: True
+    params:
+        rotations=ROTATIONS,
     script:
         "../../scripts/check_agreement.py"
 
@@ -143,6 +146,7 @@ rule write_report:
     params:
         title=SETTINGS.study,
         simulated=bool(WORLD),
+        rotations=ROTATIONS,
         tables=SETTINGS.plain()["tables"],
         figures=SETTINGS.plain()["figures"],
         samples=[*STUDY.samples, *STUDY.outdoor],

@@ -105,6 +105,8 @@ class Study:
         Statistics of all windows; every printed entry with the reproduced one.
     claims : DataFrame or None
         Claims of the paper with their verdicts.
+    unexpected : sequence of str
+        What of the agreement is not as it was, a line each.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -135,6 +137,7 @@ class Study:
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
     claims: pd.DataFrame | None = None
+    unexpected: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
@@ -170,6 +173,7 @@ def render(study: Study) -> str:
         **vars(study),
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
+        "unexpected": study.unexpected,
         "statements": agreement.statements_of(cells),
         "claims": [] if study.claims is None else study.claims.to_dict(orient="records"),
         "cells": cells,

@@ -31,13 +31,13 @@ results: $(INSTALLED) ## run the study: tables, figures, parameter sets and repo
 	@$(CHECK_PAGES) "make results"
 
 # Recordings and results together need this space; what an earlier run left there is already counted.
-PAPER_GB := 9
-paper: $(INSTALLED) ## run the study with recordings of five minutes in results-paper/: 9 GB, half an hour
-	@echo "The recordings of five minutes and the results need about $(PAPER_GB) GB in results-paper/, and half an hour on two cores."
+PAPER_GB := 7
+paper: $(INSTALLED) ## run the study with recordings of five minutes in results-paper/: 7 GB, ten minutes
+	@echo "The recordings of five minutes and the results need about $(PAPER_GB) GB in results-paper/, and about ten minutes on two cores."
 	@$(BIN)/python -c 'import pathlib, shutil, sys; \
 	    there = sum(p.stat().st_size for p in pathlib.Path("results-paper").rglob("*") if p.is_file()); \
 	    free = (shutil.disk_usage(".").free + there) / 1e9; \
-	    sys.exit(0 if free >= $(PAPER_GB) else f"error: only {free:.1f} GB are free here. Hint: free some space, or run make results, which needs 1.5 GB")'
+	    sys.exit(0 if free >= $(PAPER_GB) else f"error: only {free:.1f} GB are free here. Hint: free some space, or run make results, which needs 1.2 GB")'
 	$(RUN) snakemake --cores $(CORES) --configfile config/config.yaml config/five_minutes.yaml
 
 coverage: $(INSTALLED) ## check how often stated intervals contain the simulated truth: results/methods/coverage.csv

@@ -76,7 +76,10 @@ def test_distances_and_status_bytes_follow_the_temperature():
     """One centimetre per kelvin: packets of a third differ by the temperature of their part."""
     cold = changed(
         without_errors(study_world()),
-        {"warmth/samples": {"x": {"halogen": False, "start_k": 20.0}}},
+        {
+            "warmth/time_constant_s": 60.0,
+            "warmth/samples": {"x": {"halogen": False, "start_k": 20.0}},
+        },
     )
     warm = changed(cold, {"scanners/HDL-64E/errors/thermal_cm_per_k": 1.0})
     raw, status = [], []

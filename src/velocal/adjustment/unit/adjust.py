@@ -126,10 +126,11 @@ class _Stage:
     mean_range: Array
     output: Array
     survey: Mapping[str, NDArray[np.int64]]
+    least_voff_m: float
 
     def describe(self, posterior: Posterior, values: Array) -> Description:
         """Posterior in the form of a result."""
-        return describe(posterior, values, self.output, self.survey)
+        return describe(posterior, values, self.output, self.survey, self.least_voff_m)
 
 
 def _stage(
@@ -165,6 +166,7 @@ def _stage(
         mean_range=mean_range,
         output=_output(mean_range, settings.far_point_m),
         survey=survey,
+        least_voff_m=settings.least_voff_m,
     )
 
 

@@ -1,0 +1,148 @@
+"""The posterior in the form of a result: corrections, covariances and their sources."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, solve_triangular
+
+from velocal.adjustment.unit.common_mean import CommonMean, common_mean, root
+from velocal.adjustment.unit.marginal import Posterior
+from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN
+from velocal.arrays import Array
+
+#: Places of the means that the pose can imitate, among the common unknowns.
+_DATUM = np.array([UNKNOWNS.index("alpha"), UNKNOWNS.index("v")])
+
+
+@dataclass(frozen=True)
+class Description:
+    """Posterior for given standard deviations of the unit.
+
+    Attributes
+    ----------
+    unknowns : ndarray, shape (lasers, 6)
+        Posterior mean of x, relative to the factory.
+    corrections : ndarray, shape (lasers, 3)
+        Of dl at the mean range, alpha and v.
+    together : ndarray, shape (3 lasers, 3 lasers)
+        Covariance of the corrections that comes from the common unknowns.
+    covariance : ndarray, shape (lasers, 3, 3)
+        Of the corrections of every laser, all sources.
+    sources : mapping of str to ndarray, shape (lasers, 3, 3)
+        Parts of `covariance`.
+    prior : ndarray, shape (lasers, 3)
+        Variances of the corrections before the adjustment, for given means.
+    means : ndarray, shape (lasers, 3)
+        Corrections that the means of the unit alone would give.
+    common : ndarray, shape (m,)
+        Mean of the common unknowns.
+    common_covariance : ndarray, shape (m, m)
+    datum : CommonMean
+    """
+
+    unknowns: Array
+    corrections: Array
+    together: Array
+    covariance: Array
+    sources: Mapping[str, Array]
+    prior: Array
+    means: Array
+    common: Array
+    common_covariance: Array
+    datum: CommonMean
+
+
+def describe(
+    posterior: Posterior, output: Array, survey: Mapping[str, NDArray[np.int64]]
+) -> Description:
+    """Describe a posterior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    output : ndarray, shape (lasers, 3, 6)
+        Derivatives of the corrections by the unknowns of a laser.
+    survey : mapping of str to ndarray of int
+        Places of the errors of the survey among the common unknowns, by source.
+
+    Notes
+    -----
+    The estimate of the common unknowns has the error of a sum: a part from the noise, from the
+    random unknowns of all lasers, and from the prior of each common unknown. Its covariance
+    ``M^-1`` is ``M^-1 (H + P) M^-1``, with H the sum over noise and random unknowns and P the
+    diagonal weights of the prior, so that every source has its share.
+    """
+    layout = posterior.sums.layout
+    lasers, u, m = len(output), len(UNKNOWNS), layout.common
+    std = posterior.std
+    inverse = cho_solve((posterior.common_root, True), np.eye(m))
+    inverse = 0.5 * (inverse + inverse.T)
+    # Choose the datum: replace the distribution of the two means, and what depends on them.
+    block = inverse[np.ix_(_DATUM, _DATUM)]
+    datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
+    gain = np.linalg.solve(block, inverse[_DATUM]).T
+    common = posterior.common + gain @ (datum.mean - posterior.common[_DATUM])
+    block_root = root(block)
+    ratio = root(datum.covariance) @ np.linalg.inv(block_root)
+    turn = np.eye(m)
+    turn[:, _DATUM] += gain @ (ratio - np.eye(len(_DATUM)))
+    # Derivatives of the corrections by the common unknowns, T.
+    slope = posterior.slope
+    by_common = -np.einsum("kua,a,kam->kum", output, std[:u], slope[:, :u])
+    by_common[..., :WITH_MEAN] += output[..., :WITH_MEAN]
+    by_common = by_common @ turn
+    half = solve_triangular(
+        posterior.common_root, by_common.reshape(-1, m).T, lower=True, check_finite=False
+    )
+    together = half.T @ half
+    scaled = np.linalg.solve(np.swapaxes(posterior.root, 1, 2), posterior._reduced[1][..., None])
+    own_mean = scaled[..., 0] - slope @ common
+    unknowns = std[:u] * own_mean[:, :u]
+    unknowns[:, :WITH_MEAN] += common[:WITH_MEAN]
+    means = np.zeros((lasers, u))
+    means[:, :WITH_MEAN] = common[:WITH_MEAN]
+
+    # Covariance by source: first for given common unknowns, then from those.
+    kinds = {
+        "prior": np.arange(WITH_MEAN),
+        "offsets": np.arange(WITH_MEAN, u),
+        "shift": np.arange(u, layout.own),
+    }
+    to_output = np.einsum("kua,a->kua", output, std[:u])
+    own = to_output @ posterior.own_covariance[:, :u]
+    moved = cho_solve((posterior.common_root, True), by_common.reshape(-1, m).T)
+    sources = {}
+    for name, places in kinds.items():
+        part = own[..., places]
+        through = slope[:, places].reshape(-1, m) @ moved
+        through = through.reshape(-1, lasers, 3)
+        sources[name] = part @ np.swapaxes(part, 1, 2) + np.einsum(
+            "nku,nkv->kuv", through, through, optimize=True
+        )
+    weighted = (moved / posterior.common_std[:, None]).reshape(m, lasers, 3)
+    priors = {"prior": np.arange(WITH_MEAN), "shift": np.r_[layout.common_shift]}
+    for name, places in [*priors.items(), *survey.items()]:
+        part = weighted[places]
+        found = np.einsum("nku,nkv->kuv", part, part, optimize=True)
+        sources[name] = sources.get(name, 0.0) + found
+    inner = to_output @ posterior.own_covariance[:, :u, :u] @ np.swapaxes(to_output, 1, 2)
+    blocks = together.reshape(lasers, 3, lasers, 3)
+    covariance = inner + np.einsum("kukv->kuv", blocks)
+    sources = {"noise": covariance - sum(sources.values())} | sources
+    prior = np.einsum("kua,a,kua->ku", output, std[:u] ** 2, output)
+    return Description(
+        unknowns=unknowns,
+        corrections=np.einsum("kua,ka->ku", output, unknowns),
+        together=together,
+        covariance=covariance,
+        sources=sources,
+        prior=prior,
+        means=np.einsum("kua,ka->ku", output, means),
+        common=common,
+        common_covariance=turn @ inverse @ turn.T,
+        datum=datum,
+    )

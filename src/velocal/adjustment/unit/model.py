@@ -1,0 +1,266 @@
+"""The model of a unit, linearised: columns of the lasers, and what all lasers share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.adjustment.functional import ADJUSTABLE
+from velocal.adjustment.nuisance import by_plane, by_pose
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.adjustment.unit.station import Bins, UnitStation
+from velocal.arrays import Array
+from velocal.scanner.beam import laser_beams
+from velocal.scanner.parameters import LaserParameters
+
+#: Unknowns of a laser, in the order of every matrix of this package. `dl` and `scale` are the
+#: two parameters of the distance: a constant and a scale, or the corrections at range zero and at
+#: the far point where there is one.
+UNKNOWNS = ("dl", "alpha", "v", "scale", "voff", "hoff")
+#: Unknowns that have a mean over the lasers.
+WITH_MEAN = 4
+#: A surface has at most this number of knots; their distance grows where it would have more.
+MAX_KNOTS = 150
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Rows ``z = A x + N nu + errors``, x relative to the factory.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+        Minus the misclosure, plus what the point of linearisation accounts for; metres.
+    matrix : ndarray, shape (n, 6)
+        A, in the order of `UNKNOWNS`.
+    point : ndarray, shape (n, 3)
+        Where each beam meets its plane, scanner frame.
+    towards : ndarray, shape (n,)
+        ``n . u``.
+    range_m : ndarray, shape (n,)
+        Raw distance that the plane predicts.
+    """
+
+    z: Array
+    matrix: Array
+    point: Array
+    towards: Array
+    range_m: Array
+
+
+def range_columns(range_m: Array, far_point_m: float | None) -> tuple[Array, Array]:
+    """Derivatives of a distance by the two parameters of its correction.
+
+    Without far point, the correction is ``dl + scale * range``. With it, it is
+    ``dl (1 - t) + scale t`` with t the range in units of the far point, at most 1.
+    """
+    if far_point_m is None:
+        return np.ones_like(range_m), range_m
+    share = np.clip(range_m / far_point_m, 0.0, 1.0)
+    return 1.0 - share, share
+
+
+def linearise(
+    bins: Bins, factory: LaserParameters, x: Array, far_point_m: float | None
+) -> Linearised:
+    """Linearise the misclosures of all bins.
+
+    Parameters
+    ----------
+    bins : Bins
+    factory : LaserParameters
+    x : ndarray, shape (lasers, 6)
+        Point of linearisation, relative to the factory.
+    far_point_m : float or None
+        See `range_columns`.
+
+    Notes
+    -----
+    The misclosure is linear in the two parameters of the distance if the column of the scale is
+    the range that the plane predicts. The measured range must not be used: its noise is that of
+    the misclosure, so that a scale of -1 would make all residuals zero.
+    """
+    data = bins.mean
+    angles = ("alpha", "v", "voff", "hoff")
+    at = factory.corrected({name: x[:, UNKNOWNS.index(name)] for name in angles})
+    s, all_columns = data.design(at)
+    range_m = data.distance_m - s
+    matrix = np.empty((len(s), len(UNKNOWNS)))
+    for name in angles:
+        matrix[:, UNKNOWNS.index(name)] = all_columns[:, ADJUSTABLE.index(name)]
+    matrix[:, 0], matrix[:, 3] = range_columns(range_m, far_point_m)
+    own = x[data.laser_id].copy()
+    own[:, [0, 3]] = 0.0
+    direction, origin = laser_beams(data.phi, data.laser_id, at)
+    length = range_m + at.dl[data.laser_id]
+    return Linearised(
+        z=-s + np.einsum("ni,ni->n", matrix, own),
+        matrix=matrix,
+        point=origin + length[:, None] * direction,
+        towards=np.einsum("ni,ni->n", direction, data.normal),
+        range_m=range_m,
+    )
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A group of shared unknowns with unit prior.
+
+    Attributes
+    ----------
+    kind : {"pose", "planes", "flatness"}
+    station : int
+        Number of the station; -1 for a plane that several stations share.
+    name : str
+        Of the station or the plane.
+    columns : slice
+        Among all shared unknowns of this module.
+    root : ndarray
+        What the unknowns are multiplied by to get corrections of pose (6, 6) or plane (4, 3);
+        that of planes is in the site frame where the pose is known. Empty for relief.
+    """
+
+    kind: str
+    station: int
+    name: str
+    columns: slice
+    root: Array
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Errors of the survey, which all lasers share, as unknowns with unit prior.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, m)
+        Derivatives of z by the unknowns.
+    effects : tuple of Effect
+    """
+
+    matrix: Array
+    effects: tuple[Effect, ...]
+
+    def columns(self, kind: str) -> NDArray[np.int64]:
+        """Numbers of the unknowns of one kind."""
+        chosen = [
+            np.arange(e.columns.start, e.columns.stop) for e in self.effects if e.kind == kind
+        ]
+        return np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.int64)
+
+
+def root_of(covariance: Array, rank: int) -> Array:
+    """Matrix R with R R' = covariance, shape (u, rank); negative eigenvalues count as zero."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0)))[:, -rank:])
+
+
+def shared_effects(
+    stations: Sequence[UnitStation], bins: Bins, at: Linearised, settings: UnitSettings
+) -> Shared:
+    """Columns of pose, planes and relief.
+
+    Parameters
+    ----------
+    stations : sequence of UnitStation
+    bins : Bins
+    at : Linearised
+        Where the derivatives are taken.
+    settings : UnitSettings
+
+    Returns
+    -------
+    Shared
+        Sparse in structure, but dense in memory: the rows are means of bins.
+    """
+    n, station_of, plane_of = len(at.z), bins.mean.station_number, bins.mean.plane_number
+    blocks: list[Array] = []
+    effects: list[Effect] = []
+    used = 0
+
+    def add(kind: str, station: int, name: str, rows: Array, values: Array, root: Array) -> None:
+        nonlocal used
+        block = np.zeros((n, values.shape[1]))
+        block[rows] = values
+        blocks.append(block)
+        effects.append(Effect(kind, station, name, slice(used, used + values.shape[1]), root))
+        used += values.shape[1]
+
+    for number, station in enumerate(stations):
+        rows = np.flatnonzero(station_of == number)
+        root = root_of(station.survey.pose, 6)
+        derivative = by_pose(
+            at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
+        )
+        add("pose", number, station.name, rows, derivative @ root, root)
+    # One entry per plane, or per plane and station where its stations do not know their pose.
+    members: dict[tuple[int, str], list[tuple[int, int]]] = {}
+    for number, station in enumerate(stations):
+        for plane, name in enumerate(station.plane_names):
+            key = (-1, name) if station.pose is not None else (number, name)
+            members.setdefault(key, []).append((number, plane))
+    for (owner, name), seen in members.items():
+        root = _site_root(stations, *seen[0])
+        own_rows, columns, places, sizes = [], [], [], []
+        for number, plane in seen:
+            station = stations[number]
+            rows = np.flatnonzero((station_of == number) & (plane_of == plane))
+            to_scanner = np.eye(4) if station.pose is None else station.pose.plane_matrix()
+            derivative = by_plane(at.point[rows], at.towards[rows])
+            own_rows.append(rows)
+            columns.append(derivative @ to_scanner @ root)
+            point = at.point[rows]
+            if station.pose is not None:
+                point = (point - station.pose.translation) @ station.pose.rotation
+            places.append(point)
+            flatness = max(float(station.survey.flatness_m[plane]), settings.relief_least_m)
+            sizes.append(flatness / at.towards[rows])
+        rows = np.concatenate(own_rows)
+        if not len(rows):
+            continue
+        add("planes", owner, name, rows, np.concatenate(columns), root)
+        values = relief(np.concatenate(places), settings.relief_knots_m, settings.relief_length_m)
+        values = values * np.concatenate(sizes)[:, None]
+        add("flatness", owner, name, rows, values, np.zeros((0, values.shape[1])))
+    return Shared(np.concatenate(blocks, axis=1), tuple(effects))
+
+
+def _site_root(stations: Sequence[UnitStation], number: int, plane: int) -> Array:
+    """Root of the covariance of a plane, in the site frame where the pose is known."""
+    station = stations[number]
+    covariance = station.survey.planes[plane]
+    if station.pose is not None:
+        back = np.linalg.inv(station.pose.plane_matrix())
+        covariance = back @ covariance @ back.T
+    return root_of(covariance, 3)
+
+
+def relief(points: Array, knots_m: float, length_m: float) -> Array:
+    """Basis of a smooth deviation with unit variance at every point, shape (n, knots).
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Metres, near a plane.
+    knots_m : float
+        Distance of the knots. It grows for large surfaces, and the length with it.
+    length_m : float
+        Standard deviation of the kernel about each knot.
+    """
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.svd(centred.T @ centred)[0][:, :2]
+    flat = centred @ axes
+    while True:
+        grid = np.round(flat / knots_m)
+        around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        near = np.unique((grid[:, None] + around).reshape(-1, 2), axis=0)
+        if len(near) <= MAX_KNOTS:
+            break
+        knots_m, length_m = 1.25 * knots_m, 1.25 * length_m
+    square = ((flat[:, None] - near * knots_m) ** 2).sum(axis=2)
+    values = np.exp(-square / (2.0 * length_m**2))
+    values[square > (3.5 * length_m) ** 2] = 0.0
+    return np.asarray(values / np.sqrt((values**2).sum(axis=1))[:, None])

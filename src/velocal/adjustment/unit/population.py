@@ -1,0 +1,248 @@
+"""Standard deviations of a unit: which there are, their hyperprior, mode and integration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from velocal.adjustment.unit.marginal import Posterior
+from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.adjustment.unit.sums import Layout, Sums
+from velocal.arrays import Array
+
+Found = TypeVar("Found")
+
+#: Degrees of freedom of the half-t hyperprior.
+_DOF = 3.0
+#: Prior standard deviations of the means over the lasers: wide, as nothing is known.
+MEAN_STD = {"dl": 0.05, "alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
+#: Scales of the hyperprior. They are wide on purpose.
+SCALES = {
+    "dl": 0.02,
+    "alpha": float(np.deg2rad(0.15)),
+    "v": float(np.deg2rad(0.15)),
+    "scale": 1e-3,
+    "shift": 0.01,
+    "plane": 0.003,
+    "common": 0.005,
+}
+
+
+@dataclass(frozen=True)
+class Size:
+    """One standard deviation of the unit.
+
+    Attributes
+    ----------
+    name : str
+        Of the random unknowns that it belongs to: a parameter, ``shift``, ``plane`` or ``common``.
+    unit : str
+    scale : float
+        Of the half-t hyperprior; the value itself where it is fixed.
+    fixed : bool
+        Whether it is given and not learnt.
+    own, common : ndarray of int
+        Random and common unknowns that it belongs to.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    fixed: bool
+    own: NDArray[np.int64]
+    common: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Population:
+    """All standard deviations of a unit, as functions of the logarithms of those learnt.
+
+    Attributes
+    ----------
+    layout : Layout
+    sizes : tuple of Size
+    """
+
+    layout: Layout
+    sizes: tuple[Size, ...]
+
+    @classmethod
+    def of(cls, layout: Layout, settings: UnitSettings) -> Population:
+        """Say what is learnt and what is given."""
+        none = np.zeros(0, dtype=np.int64)
+        prior = dict(settings.prior or {})
+        far = settings.far_point_m is not None
+        sizes = []
+        for place, name in enumerate(UNKNOWNS):
+            unit = "m" if name in ("dl", "voff", "hoff") or (far and name == "scale") else "rad"
+            unit = "1" if name == "scale" and not far else unit
+            own = np.array([place])
+            if name in ("voff", "hoff"):
+                sizes.append(Size(name, unit, settings.offset_m, True, own, none))
+            elif name in prior:
+                sizes.append(Size(name, unit, prior[name], True, own, none))
+            else:
+                scale = settings.far_std_m if far and name == "scale" else SCALES[name]
+                sizes.append(Size(name, unit, scale, False, own, none))
+        shifts = np.array([layout.shift(p) for p in range(layout.stations)])
+        planes = np.concatenate([np.r_[layout.plane(p)] for p in range(layout.stations)])
+        common = np.r_[layout.common_shift]
+        one = layout.stations == 1
+        shift, both = settings.shift_m, settings.common_shift_m
+        sizes.append(Size("shift", "m", shift if one else SCALES["shift"], one, shifts, none))
+        sizes.append(Size("plane", "m", SCALES["plane"], False, planes.astype(np.int64), none))
+        sizes.append(Size("common", "m", both if one else SCALES["common"], one, none, common))
+        return cls(layout, tuple(sizes))
+
+    @property
+    def learnt(self) -> list[Size]:
+        """Standard deviations that are estimated."""
+        return [size for size in self.sizes if not size.fixed]
+
+    def values(self, log: Array) -> Array:
+        """All standard deviations in the order of `sizes`."""
+        found, free = np.empty(len(self.sizes)), iter(np.exp(log))
+        for number, size in enumerate(self.sizes):
+            found[number] = size.scale if size.fixed else next(free)
+        return found
+
+    def posterior(self, sums: Sums, log: Array, far: bool) -> Posterior:
+        """Posterior for the logarithms of the learnt standard deviations."""
+        std, common = np.ones(self.layout.own), np.ones(self.layout.common)
+        for place, name in enumerate(UNKNOWNS[:WITH_MEAN]):
+            common[place] = 0.01 if far and name == "scale" else MEAN_STD[name]
+        for size, value in zip(self.sizes, self.values(log), strict=True):
+            std[size.own] = value
+            common[size.common] = value
+        return Posterior(sums, std, common)
+
+    def minus_2_log_prior(self, log: Array) -> tuple[float, Array]:
+        """Minus twice the log density of the logarithms under the half-t prior, and its gradient."""
+        scales = np.array([size.scale for size in self.learnt])
+        ratio = np.exp(2.0 * log) / (_DOF * scales**2)
+        value = (_DOF + 1.0) * np.log1p(ratio).sum() - 2.0 * log.sum()
+        return float(value), 2.0 * (_DOF + 1.0) * ratio / (1.0 + ratio) - 2.0
+
+
+@dataclass(frozen=True)
+class Integrated(Generic[Found]):
+    """The distribution of the standard deviations as weighted points.
+
+    Attributes
+    ----------
+    log : ndarray, shape (points, learnt)
+        The first is the mode.
+    weight : ndarray, shape (points,)
+        Their sum is 1.
+    covariance : ndarray, shape (learnt, learnt)
+        Of the logarithms, at the mode.
+    found : tuple
+        What the caller wanted to know of the posterior at every point.
+    """
+
+    log: Array
+    weight: Array
+    covariance: Array
+    found: tuple[Found, ...]
+
+
+def find_mode(population: Population, sums: Sums, far: bool, start: Array | None = None) -> Array:
+    """Most probable logarithms of the learnt standard deviations."""
+    learnt = population.learnt
+    if not learnt:
+        return np.zeros(0)
+    scales = np.log([size.scale for size in learnt])
+    members = [size.own for size in learnt]
+    common_members = [size.common for size in learnt]
+
+    def value(log: Array) -> tuple[float, Array]:
+        posterior = population.posterior(sums, log, far)
+        prior, slope = population.minus_2_log_prior(log)
+        gradient = posterior.gradient(members, common_members)
+        return posterior.minus_2_log + prior, gradient + slope
+
+    bounds = [(s - 8.0, s + 4.0) for s in scales]
+    begin = scales - 0.7 if start is None else start
+    found = minimize(
+        value, begin, jac=True, method="L-BFGS-B", bounds=bounds,
+        options={"maxiter": 60, "ftol": 1e-10, "gtol": 1e-3},
+    )  # fmt: skip
+    return np.asarray(found.x)
+
+
+def integrate(
+    population: Population,
+    sums: Sums,
+    mode: Array,
+    far: bool,
+    points: int,
+    describe: Callable[[Posterior, Array], Found],
+) -> Integrated[Found]:
+    """Spread points about the mode by Laplace's approximation, and weight them exactly.
+
+    Parameters
+    ----------
+    population : Population
+    sums : Sums
+    mode : ndarray
+        See `find_mode`.
+    far : bool
+        Whether there is a far point.
+    points : int
+        1 for the mode alone.
+    describe : callable
+        What is wanted of the posterior at every point, which itself is not kept, and the
+        values of all standard deviations.
+    """
+    learnt = population.learnt
+    if not learnt or points == 1:
+        at_mode = describe(population.posterior(sums, mode, far), population.values(mode))
+        return Integrated(mode[None], np.ones(1), np.zeros((len(learnt),) * 2), (at_mode,))
+    members = [size.own for size in learnt]
+    common_members = [size.common for size in learnt]
+
+    def gradient(log: Array) -> Array:
+        posterior = population.posterior(sums, log, far)
+        return posterior.gradient(members, common_members) + population.minus_2_log_prior(log)[1]
+
+    step, d = 0.1, len(mode)
+    hessian = np.stack(
+        [(gradient(mode + e) - gradient(mode - e)) / (2.0 * step) for e in step * np.eye(d)]
+    )
+    values, vectors = np.linalg.eigh(0.25 * (hessian + hessian.T))
+    # Of the half-t prior alone the logarithm has a standard deviation near 1.
+    spread = vectors / np.sqrt(np.maximum(values, 0.5))
+    half = (points - 1) // 2
+    # `qmc` is deterministic for a given seed; pairs of opposite points keep the mean.
+    uniform = qmc.Sobol(d, seed=1).random(max(half, 1))[:half]
+    normal = ndtri(np.clip(uniform, 1e-3, 1.0 - 1e-3))
+    normal = np.concatenate([np.zeros((1, d)), normal, -normal])
+    log = mode + normal @ spread.T
+    found, target = [], np.empty(len(log))
+    for number, each in enumerate(log):
+        posterior = population.posterior(sums, each, far)
+        found.append(describe(posterior, population.values(each)))
+        target[number] = posterior.minus_2_log + population.minus_2_log_prior(each)[0]
+    exponent = 0.5 * ((normal**2).sum(axis=1) - target)
+    weight = np.exp(exponent - exponent.max())
+    # The mode is no random point. One extreme weight must not decide alone.
+    weight[0] = min(weight[0], 1.0)
+    weight = np.minimum(weight, 10.0 * np.median(weight))
+    weight /= weight.sum()
+    covariance = spread @ spread.T
+    return Integrated(log, weight, covariance, tuple(found))
+
+
+def quantiles(values: Array, weight: Array, shares: Sequence[float]) -> Array:
+    """Quantiles of weighted values."""
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order]) - 0.5 * weight[order]
+    return np.interp(shares, reached, values[order])

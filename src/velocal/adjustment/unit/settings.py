@@ -1,0 +1,86 @@
+"""Settings of the adjustment of a unit; the defaults are those that are recommended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from velocal.errors import VelocalError
+
+#: Parameters whose spread over the lasers is learnt, or given as a prior.
+LEARNT = ("dl", "alpha", "v", "scale")
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitSettings:
+    """What the adjustment of a unit assumes beside its data; nothing has to be guessed.
+
+    Attributes
+    ----------
+    azimuth_bin_rad : float
+        Width of the bins whose means are adjusted, radians.
+    relief_length_m : float
+        Length over which a surface deviates from its plane by about the same, metres.
+    relief_knots_m : float
+        Distance of the knots that describe this deviation, metres.
+    relief_least_m : float
+        Least standard deviation of a surface about its plane, metres. Few targets show no
+        deviation, but no wall is flat.
+    prior : mapping of str to float, or None
+        Standard deviation over the lasers of true minus factory values, out of `LEARNT`; metres,
+        radians, 1. What is not given is learnt from the unit; None where all are.
+    shift_m : float
+        Standard deviation of the shift that the distances of one laser have at one station,
+        metres. It is used where there is one station only; otherwise it is estimated.
+    common_shift_m : float
+        The same of the shift that all lasers have in common at a station.
+    offset_m : float
+        Standard deviation of the errors of `voff` and `hoff`, metres. They are not corrected,
+        but their errors would otherwise be read as angles.
+    far_point_m : float or None
+        Range at which the distance correction of the factory holds, metres (25.04 for scanners
+        with a two-point file). The correction of the distance fades to zero there. None for a
+        correction that is the same at all ranges.
+    far_std_m : float
+        Scale of the hyperprior of the error that the factory's correction has at the far point.
+    hold_below : float
+        A parameter of a laser of which the data decide less than this share is not changed.
+    integration_points : int
+        Number of values of the standard deviations of the unit over which the result is
+        averaged; 1 for the most probable values alone.
+    linearisations : int
+        How often the model is linearised.
+    """
+
+    azimuth_bin_rad: float = float(np.deg2rad(0.9))
+    relief_length_m: float = 0.35
+    relief_knots_m: float = 0.5
+    relief_least_m: float = 0.0005
+    prior: Mapping[str, float] | None = None
+    shift_m: float = 0.005
+    common_shift_m: float = 0.005
+    offset_m: float = 0.002
+    far_point_m: float | None = None
+    far_std_m: float = 0.01
+    hold_below: float = 0.1
+    integration_points: int = 33
+    linearisations: int = 2
+
+    def __post_init__(self) -> None:
+        """Check that all sizes are positive, and that the prior names what has one."""
+        for name, value in vars(self).items():
+            if name in ("prior", "hold_below") or value is None:
+                continue
+            if not value > 0.0:
+                raise VelocalError(
+                    f"{name} is {value}", where="settings of a unit", allowed="more than 0"
+                )
+        for name, value in (self.prior or {}).items():
+            if name not in LEARNT or not value > 0.0:
+                raise VelocalError(
+                    f"prior standard deviation {value} of {name!r}",
+                    where="settings of a unit",
+                    allowed=f"more than 0, of {', '.join(LEARNT)}",
+                )

@@ -87,16 +87,20 @@ def adjust_unit(
     lasers, far = len(factory), settings.far_point_m is not None
     groups = groups_of(bins, lasers, len(stations))
     x = np.zeros((lasers, len(UNKNOWNS)))
-    errors: Array | None = None
+    by_survey = np.zeros(len(bins.mean.phi))
     mode: Array | None = None
+    length: float | None = None
     for _ in range(settings.linearisations):
         at = linearise(bins, factory, x, settings.far_point_m)
         shared = shared_effects(stations, bins, at, settings)
         layout = Layout(
             len(stations), tuple(len(s.plane_names) for s in stations), shared.matrix.shape[1]
         )
-        left = at.z if errors is None else at.z - shared.matrix @ errors
-        noise = estimate([_group(bins, at, left, rows) if len(rows) else None for rows in groups])
+        left = at.z - by_survey
+        noise = estimate(
+            [_group(bins, at, left, rows) if len(rows) else None for rows in groups], length
+        )
+        length = noise.length
         found = sums(bins, at, shared, noise, layout, groups)
         population = Population.of(layout, settings)
         mode = find_mode(population, found, far, mode)
@@ -111,7 +115,7 @@ def adjust_unit(
             return describe(posterior, output, survey), values
 
         description, _ = described(population.posterior(found, mode, far), population.values(mode))
-        x, errors = description.unknowns, description.common[layout.survey]
+        x, by_survey = description.unknowns, shared.matrix @ description.common[layout.survey]
     assert mode is not None
     integrated = integrate(population, found, mode, far, settings.integration_points, described)
     return _result(

@@ -67,7 +67,7 @@ def _study(scanner: str, stations: int, seed: int) -> Trial:
 #: A survey whose poses are good to 0.02 deg.
 ACCURATE = SurveyErrors(base_m=0.3, scanner_mm=0.1, site_mm=0.2, wall_targets=30, wall_mm=0.4)
 WIDE = SurveyErrors(base_m=0.3)
-_THINNED = {"scanner": "HDL-64E", "stations": 2, "every": 4}
+_THINNED = {"scanner": "HDL-64E", "stations": 2, "every": 4, "windows": 1}
 
 
 def _cases() -> dict[str, Case]:
@@ -79,7 +79,12 @@ def _cases() -> dict[str, Case]:
     for scanner in ("HDL-64E", "HDL-32E"):
         for n in (1, 2):
             found[f"{scanner}-{n}-wide"] = _independent(
-                f"{scanner}, {n}, base of 0.3 m", FEW, scanner=scanner, stations=n, survey=WIDE
+                f"{scanner}, {n}, base of 0.3 m",
+                FEW,
+                scanner=scanner,
+                stations=n,
+                survey=WIDE,
+                windows=1,
             )
             found[f"{scanner}-{n}-study"] = Case(
                 f"study's world, {scanner}, {n}", partial(_study, scanner, n)

@@ -104,7 +104,8 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         ``dl_cm``, ``alpha_deg``, ``v_deg``: root mean square errors over the lasers (dl at 3 m);
         ``{name}_mean``: the part common to all lasers; ``worst_dl_cm``: of the worst laser;
         ``cover_{name}``: share of the lasers whose 95 % interval contains the truth, NaN without
-        stated deviations; ``std_{name}``: root mean square stated deviation; ``unseen_cm``,
+        stated deviations, and without the mean of a parameter whose mean stays at the factory's
+        value; ``std_{name}``: root mean square stated deviation; ``unseen_cm``,
         ``centred_cm``, ``induced_cm``: root mean square of s at unseen stations, without the mean
         of each station, and of the difference to what the true values give; ``point_{range}_cm``,
         ``along_{range}_cm``: error of points.
@@ -121,6 +122,8 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         row[f"{name}_{unit}"] = _rms(values) * factor
         row[f"{name}_mean"] = float(np.mean(values)) * factor
         std = found.std.get(name)
+        if name in found.at_factory:
+            values = values - values.mean()
         row[f"cover_{name}"] = (
             np.nan if std is None else float(np.mean(np.abs(values) <= NORMAL_95 * std))
         )
@@ -188,8 +191,10 @@ def study_trial(scanner: str, stations: int, seed: int) -> Trial:
         "dl": near * 1e-2,
         "alpha": np.deg2rad(errors.alpha_deg),
         "v": np.deg2rad(errors.v_deg),
+        "scale": errors.range_scale_cm_per_m * 1e-2,
         "voff": 0.0,
         "hoff": 0.0,
+        "shift": np.sqrt(errors.shift_cm**2 + errors.drift_laser_cm**2 / len(samples)) * 1e-2,
     }
     plain = replace(factory, carried={})
     return Trial(scanner, plain, true, slope, tuple(recorded), tuple(unseen), spread)

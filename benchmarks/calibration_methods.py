@@ -9,18 +9,23 @@ import numpy as np
 
 from velocal.adjustment.average import Member, Weighting, average
 from velocal.adjustment.lasers import adjust_all
-from velocal.adjustment.observations import Observations
+from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.solvers import GaussHelmert, PaperModel, Solver, WithPrior
+from velocal.adjustment.unit.adjust import adjust_unit
+from velocal.adjustment.unit.settings import LEARNT, UnitSettings
+from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.calibration.convert import for_program
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import LaserParameters
-from velocal.simulation.independent import Trial
+from velocal.scanner.parameters import NEAR_POINT, LaserParameters
+from velocal.simulation.independent import FAR_M, NEAR_M, Trial
 from velocal.study.adjustment import Adjustment
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5
+#: What the oracle takes for a spread of zero: metres, radians, 1.
+LEAST = {"dl": 1e-4, "alpha": 1e-6, "v": 1e-6, "scale": 1e-5}
 #: Range at which the dl of a set is judged, metres.
 DL_AT_M = 3.0
 
@@ -34,10 +39,14 @@ class Found:
     parameters : LaserParameters
     std : dict of str to ndarray
         Stated standard deviations by parameter; empty where a method states none.
+    at_factory : tuple of str
+        Parameters whose mean over the lasers was left at the factory's value, and is not in the
+        standard deviations.
     """
 
     parameters: LaserParameters
     std: dict[str, Array]
+    at_factory: tuple[str, ...] = ()
 
 
 def factory(trial: Trial) -> Found:
@@ -105,6 +114,56 @@ def prior(trial: Trial) -> tuple[Found, Found]:
     return _mean(members), _mean(members, "covariance")
 
 
+def unit_stations(trial: Trial) -> list[UnitStation]:
+    """All windows of every station together, with its survey, for the adjustment of the unit."""
+    return [
+        UnitStation(
+            name=station.survey.position,
+            observations=replace(joined(station.windows), station=None),
+            survey=station.survey.uncertainty(),
+            plane_names=tuple(plane.patch.name for plane in station.survey.planes),
+            pose=station.survey.pose,
+        )
+        for station in trial.stations
+    ]
+
+
+def unit_settings(trial: Trial) -> UnitSettings:
+    """What the default adjustment assumes."""
+    own_file = SCANNERS[trial.scanner].has_factory_file
+    return UnitSettings(
+        far_point_m=FAR_M if trial.factory.carried else None, shift_m=0.01 if own_file else 0.0013
+    )
+
+
+def _of_unit(trial: Trial, settings: UnitSettings) -> Found:
+    result = adjust_unit(unit_stations(trial), trial.factory, settings)
+    calibration = result.calibration
+    parameters = calibration.adjusted
+    if trial.factory.carried:
+        # The correction is one of the distance at a range, from the far point's dl on.
+        near = trial.factory.dl[:, None] + result.near_correction(np.array(NEAR_M))
+        carried = dict(zip(NEAR_POINT, near.T, strict=True))
+        parameters = replace(parameters, dl=trial.factory.dl, carried=carried)
+    at_factory = tuple(one.name for one in result.common if one.at_factory)
+    return Found(parameters, calibration.std_by_name(), at_factory)
+
+
+def joint(trial: Trial) -> Found:
+    """Adjust lasers, poses and planes of all stations together: the default."""
+    return _of_unit(trial, unit_settings(trial))
+
+
+def oracle(trial: Trial) -> Found:
+    """Do the same with the true standard deviations of the unit."""
+    # A scale of zero has no logarithm; this one is 0.1 mm at 10 m.
+    prior = {name: trial.spread.get(name, 0.0) or LEAST[name] for name in LEARNT}
+    settings = replace(unit_settings(trial), prior=prior)
+    if trial.spread["shift"]:
+        settings = replace(settings, shift_m=trial.spread["shift"])
+    return _of_unit(trial, settings)
+
+
 #: Names of what each function gives, in the order of the tables.
 METHODS: dict[tuple[str, ...], Callable[[Trial], Found | tuple[Found, ...]]] = {
     ("factory",): factory,
@@ -112,5 +171,7 @@ METHODS: dict[tuple[str, ...], Callable[[Trial], Found | tuple[Found, ...]]] = {
     ("paper",): paper,
     ("paper_truncated",): paper_truncated,
     ("prior", "prior_covariance"): prior,
+    ("joint",): joint,
+    ("oracle",): oracle,
     ("truth",): truth,
 }

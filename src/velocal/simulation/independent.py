@@ -27,6 +27,9 @@ from velocal.survey.targets import Targets
 
 #: Far point and near points of a factory's two-point calibration, metres.
 FAR_M, NEAR_M = 25.04, (2.4, 1.93)
+#: Standard deviation of the true correction at the near point minus that at the far one, as in real
+#: files.
+TWO_POINT_CM = 3.0
 #: Beams count that meet a surface this far inside its edges, and at most at this incidence.
 MARGIN_M, INCIDENCE = 0.12, np.cos(np.deg2rad(79.0))
 #: Targets on walls and floor lie this far inside the edges.
@@ -232,8 +235,8 @@ class Trial:
     unseen : tuple of Observations
         Medians at stations that were not calibrated on, with the true planes.
     spread : mapping of str to float
-        True standard deviations of what an adjustment has to guess, by name: dl, alpha, v, voff,
-        hoff (metres, radians).
+        True standard deviations of what an adjustment has to guess, by name: dl, alpha, v, scale,
+        voff, hoff, and the shift of a laser at a station (metres, radians, 1).
     """
 
     scanner: str
@@ -376,12 +379,15 @@ def draw(plan: Plan, seed: int) -> Trial:
     for place in PLACES[-UNSEEN:]:
         pose = _pose(rng, place, 0.0, 0)
         unseen += shots.windows(rng, pose, None, 1)
+    noise, two_point = plan.errors, plan.unit.two_point_cm
     spread = {
-        "dl": plan.unit.dl_cm * _CM,
+        "dl": (np.hypot(two_point, TWO_POINT_CM) if two_point else plan.unit.dl_cm) * _CM,
         "alpha": plan.unit.alpha_deg * _DEG,
         "v": plan.unit.v_deg * _DEG,
+        "scale": 0.0,
         "voff": plan.unit.voff_mm * _MM,
         "hoff": plan.unit.hoff_mm * _MM,
+        "shift": np.hypot(noise.shift_cm, noise.drift_cm / np.sqrt(plan.windows)) * _CM,
     }
     return Trial(plan.scanner, factory, true, slope, tuple(stations), tuple(unseen), spread)
 
@@ -413,8 +419,8 @@ def _unit(
     )
     if not errors.two_point_cm:
         return factory, true, np.zeros(n)
-    # The true correction is linear in the range up to the far point: 3 cm in all, as in real files.
-    slope = around(0.0, 3.0 * _CM) / (FAR_M - NEAR_M[0])
+    # The true correction is linear in the range up to the far point.
+    slope = around(0.0, TWO_POINT_CM * _CM) / (FAR_M - NEAR_M[0])
     wrong = around(errors.dl_mean_cm, errors.two_point_cm) * _CM
     true = replace(true, dl=factory.dl)
     near = {

@@ -85,12 +85,11 @@ class Population:
             unit = "m" if name in ("dl", "voff", "hoff") or (far and name == "scale") else "rad"
             unit = "1" if name == "scale" and not far else unit
             own = np.array([place])
-            if name in ("voff", "hoff"):
-                sizes.append(Size(name, unit, settings.offset_m, True, own, none))
-            elif name in prior:
+            if name in prior:
                 sizes.append(Size(name, unit, prior[name], True, own, none))
             else:
-                scale = settings.far_std_m if far and name == "scale" else SCALES[name]
+                scales = SCALES | {"voff": settings.offset_m, "hoff": settings.offset_m}
+                scale = settings.far_std_m if far and name == "scale" else scales[name]
                 sizes.append(Size(name, unit, scale, False, own, none))
         shifts = np.array([layout.shift(p) for p in range(layout.stations)])
         planes = np.concatenate([np.r_[layout.plane(p)] for p in range(layout.stations)])
@@ -125,7 +124,7 @@ class Population:
         return Posterior(sums, std, common)
 
     def minus_2_log_prior(self, log: Array) -> tuple[float, Array]:
-        """Minus twice the log density of the logarithms under the half-t prior, and its gradient."""
+        """Minus twice the log density of the logarithms under the hyperprior, and its gradient."""
         scales = np.array([size.scale for size in self.learnt])
         ratio = np.exp(2.0 * log) / (_DOF * scales**2)
         value = (_DOF + 1.0) * np.log1p(ratio).sum() - 2.0 * log.sum()

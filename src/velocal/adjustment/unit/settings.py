@@ -10,7 +10,7 @@ import numpy as np
 from velocal.errors import VelocalError
 
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
-LEARNT = ("dl", "alpha", "v", "scale")
+LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +37,8 @@ class UnitSettings:
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
     offset_m : float
-        Standard deviation of the errors of `voff` and `hoff`, metres. They are not corrected,
-        but their errors would otherwise be read as angles.
+        Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
+        corrected, but their errors would otherwise be read as angles.
     far_point_m : float or None
         Range at which the distance correction of the factory holds, metres (25.04 for scanners
         with a two-point file). The correction of the distance fades to zero there. None for a

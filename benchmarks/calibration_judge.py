@@ -194,7 +194,6 @@ def study_trial(scanner: str, stations: int, seed: int) -> Trial:
         "scale": errors.range_scale_cm_per_m * 1e-2,
         "voff": 0.0,
         "hoff": 0.0,
-        "shift": np.sqrt(errors.shift_cm**2 + errors.drift_laser_cm**2 / len(samples)) * 1e-2,
     }
     plain = replace(factory, carried={})
     return Trial(scanner, plain, true, slope, tuple(recorded), tuple(unseen), spread)

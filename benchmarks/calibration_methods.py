@@ -155,13 +155,10 @@ def joint(trial: Trial) -> Found:
 
 
 def oracle(trial: Trial) -> Found:
-    """Do the same with the true standard deviations of the unit."""
+    """Do the same with the true standard deviations of dl, alpha, v and scale over the lasers."""
     # A scale of zero has no logarithm; this one is 0.1 mm at 10 m.
     prior = {name: trial.spread.get(name, 0.0) or LEAST[name] for name in LEARNT}
-    settings = replace(unit_settings(trial), prior=prior)
-    if trial.spread["shift"]:
-        settings = replace(settings, shift_m=trial.spread["shift"])
-    return _of_unit(trial, settings)
+    return _of_unit(trial, replace(unit_settings(trial), prior=prior))
 
 
 #: Names of what each function gives, in the order of the tables.

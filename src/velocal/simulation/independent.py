@@ -236,7 +236,7 @@ class Trial:
         Medians at stations that were not calibrated on, with the true planes.
     spread : mapping of str to float
         True standard deviations of what an adjustment has to guess, by name: dl, alpha, v, scale,
-        voff, hoff, and the shift of a laser at a station (metres, radians, 1).
+        voff, hoff (metres, radians, 1).
     """
 
     scanner: str
@@ -379,7 +379,7 @@ def draw(plan: Plan, seed: int) -> Trial:
     for place in PLACES[-UNSEEN:]:
         pose = _pose(rng, place, 0.0, 0)
         unseen += shots.windows(rng, pose, None, 1)
-    noise, two_point = plan.errors, plan.unit.two_point_cm
+    two_point = plan.unit.two_point_cm
     spread = {
         "dl": (np.hypot(two_point, TWO_POINT_CM) if two_point else plan.unit.dl_cm) * _CM,
         "alpha": plan.unit.alpha_deg * _DEG,
@@ -387,7 +387,6 @@ def draw(plan: Plan, seed: int) -> Trial:
         "scale": 0.0,
         "voff": plan.unit.voff_mm * _MM,
         "hoff": plan.unit.hoff_mm * _MM,
-        "shift": np.hypot(noise.shift_cm, noise.drift_cm / np.sqrt(plan.windows)) * _CM,
     }
     return Trial(plan.scanner, factory, true, slope, tuple(stations), tuple(unseen), spread)
 

@@ -25,7 +25,7 @@ from velocal.study.adjustment import Adjustment
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
 WALL = 0.5
 #: What the oracle takes for a spread of zero: metres, radians, 1.
-LEAST = {"dl": 1e-4, "alpha": 1e-6, "v": 1e-6, "scale": 1e-5}
+LEAST = {"dl": 1e-4, "alpha": 1e-6, "v": 1e-6, "scale": 1e-5, "voff": 1e-4, "hoff": 1e-4}
 #: Range at which the dl of a set is judged, metres.
 DL_AT_M = 3.0
 
@@ -155,7 +155,7 @@ def joint(trial: Trial) -> Found:
 
 
 def oracle(trial: Trial) -> Found:
-    """Do the same with the true standard deviations of dl, alpha, v and scale over the lasers."""
+    """Do the same with the true standard deviations of the parameters over the lasers."""
     # A scale of zero has no logarithm; this one is 0.1 mm at 10 m.
     prior = {name: trial.spread.get(name, 0.0) or LEAST[name] for name in LEARNT}
     return _of_unit(trial, replace(unit_settings(trial), prior=prior))

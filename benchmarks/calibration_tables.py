@@ -66,7 +66,7 @@ def _rows(summary: pd.DataFrame, cases: Iterable[str]) -> Iterable[tuple[str, pd
     """Name of the study, only in its first row, and the row of every method."""
     for case in cases:
         for number, (_, row) in enumerate(summary[summary["case"] == case].iterrows()):
-            yield CASES[case].text if not number else "", row
+            yield f"{CASES[case].text} ({row['draws']} draws)" if not number else "", row
 
 
 def errors_table(summary: pd.DataFrame, cases: Sequence[str]) -> str:

@@ -91,9 +91,3 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
     return CommonMean(
         np.asarray(centre), np.asarray(spread_of_mixture), by_survey, by_survey_std, decided
     )
-
-
-def root(matrix: Array) -> Array:
-    """Symmetric root of a positive semi-definite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)

@@ -11,6 +11,8 @@ from velocal.arrays import Array
 
 #: Correlation lengths that are tried, radians.
 LENGTHS = np.deg2rad([0.3, 0.6, 1.2, 2.4, 4.8, 9.6])
+#: Length before it is estimated, radians.
+FIRST_LENGTH = float(np.deg2rad(1.0))
 #: Groups of bins from which the length is estimated; more would not change it.
 GROUPS_FOR_LENGTH = 12
 #: A group with fewer degrees of freedom has the median noise of the unit.
@@ -98,7 +100,7 @@ class Noise:
         """Covariance of the bins of one group, shape (n, n)."""
         found = self.tau[group] ** 2 * correlation(phi, self.length)
         found[np.diag_indices(len(phi))] += self.omega[group] ** 2 / count
-        return found
+        return np.asarray(found)
 
 
 def spectrum(group: Group, length: float) -> Spectrum:

@@ -40,8 +40,8 @@ def _independent(text: str, methods: tuple[str, ...] = ALL, **options: object) -
     return Case(text, partial(draw, Plan(**options)), methods)  # type: ignore[arg-type]
 
 
-def _study(scanner: str, stations: int, seed: int) -> Trial:
-    return study_trial(scanner, stations, seed - FIRST_SEED)
+def _study(scanner: str, stations: int, seed: int, *, two_point: bool = False) -> Trial:
+    return study_trial(scanner, stations, seed - FIRST_SEED, two_point=two_point)
 
 
 #: A survey whose poses are good to 0.02 deg.
@@ -69,6 +69,11 @@ def _cases() -> dict[str, Case]:
             found[f"{scanner}-{n}-study"] = Case(
                 f"study's world, {scanner}, {n}", partial(_study, scanner, n)
             )
+    found["HDL-64E-2-study-two-point"] = Case(
+        "study's world, HDL-64E, 2, two-point file",
+        partial(_study, "HDL-64E", 2, two_point=True),
+        FEW,
+    )
     for tilt in (10.0, 20.0):
         found[f"tilt-{tilt:g}"] = _independent(
             f"HDL-64E, 2, tilt {tilt:g} deg", FEW, tilt_deg=tilt, **_THINNED

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from calibration_methods import DL_AT_M, Found
+from calibration_methods import DL_AT_M, Found, has_near_points
 
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
@@ -14,9 +14,9 @@ from velocal.calibration.dialects import DIALECTS, Dialect
 from velocal.chain import observe
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
-from velocal.scanner.parameters import NEAR_POINT, LaserParameters
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 from velocal.simulation.draws import EDGE_M, INCIDENCE_RAD, MEDIAN_PER_MEAN, PLANES
-from velocal.simulation.independent import FAR_M, Recorded, Trial
+from velocal.simulation.independent import FAR_M, NEAR_M, Recorded, Trial
 from velocal.simulation.scene import Surface, cast, site_surfaces
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import (
@@ -50,7 +50,7 @@ MORE = {
 
 def dialect_of(parameters: LaserParameters) -> Dialect:
     """The manual's formula where the file has near points, else that of the project."""
-    return DIALECTS["manual" if NEAR_POINT[0] in parameters.carried else "paper"]
+    return DIALECTS["manual" if has_near_points(parameters) else "paper"]
 
 
 def misclosures(data: Observations, parameters: LaserParameters) -> Array:
@@ -154,7 +154,7 @@ def study_world() -> World:
     return load(content)
 
 
-def study_trial(scanner: str, stations: int, seed: int) -> Trial:
+def study_trial(scanner: str, stations: int, seed: int, *, two_point: bool = False) -> Trial:
     """Draw a trial from the study's world: medians with all its errors, its survey, its factory.
 
     Parameters
@@ -164,6 +164,9 @@ def study_trial(scanner: str, stations: int, seed: int) -> Trial:
         1 or 2.
     seed : int
         Is added to that of the study; zero is the study itself.
+    two_point : bool
+        Whether the file of the factory has its near points, as those of HDL-64E do; else it has
+        one distance correction, as in the paper.
     """
     world = study_world()
     world = world.model_copy(update={"seed": world.seed + seed})
@@ -186,17 +189,24 @@ def study_trial(scanner: str, stations: int, seed: int) -> Trial:
     errors = world.scanner(scanner).errors
     slope = -unit.range_scale
     true = replace(unit.parameters, dl=unit.parameters.dl + slope * FAR_M, carried={})
-    near = np.hypot(errors.dl_cm, errors.range_scale_cm_per_m * (FAR_M - DL_AT_M))
+    at_wall = np.hypot(errors.dl_cm, errors.range_scale_cm_per_m * (FAR_M - DL_AT_M))
     spread = {
-        "dl": near * 1e-2,
+        "dl": at_wall * 1e-2,
         "alpha": np.deg2rad(errors.alpha_deg),
         "v": np.deg2rad(errors.v_deg),
         "scale": errors.range_scale_cm_per_m * 1e-2,
         "voff": 0.0,
         "hoff": 0.0,
     }
-    plain = replace(factory, carried={})
-    return Trial(scanner, plain, true, slope, tuple(recorded), tuple(unseen), spread)
+    if two_point:
+        near = {
+            name: true.dl + slope * (at - FAR_M)
+            for name, at in zip(NEAR_POINT, NEAR_M, strict=True)
+        }
+        true = replace(true, carried=near)
+    else:
+        factory = replace(factory, carried={TWO_POINT: np.zeros(len(slope))})
+    return Trial(scanner, factory, true, slope, tuple(recorded), tuple(unseen), spread)
 
 
 class _Shots:

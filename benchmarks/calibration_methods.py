@@ -19,7 +19,7 @@ from velocal.arrays import Array
 from velocal.calibration.convert import for_program
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, LaserParameters
-from velocal.simulation.independent import FAR_M, NEAR_M, Trial
+from velocal.simulation.independent import NEAR_M, Trial
 from velocal.study.adjustment import Adjustment
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
@@ -49,6 +49,11 @@ class Found:
     at_factory: tuple[str, ...] = ()
 
 
+def has_near_points(parameters: LaserParameters) -> bool:
+    """Whether a file has a two-point correction."""
+    return NEAR_POINT[0] in parameters.carried
+
+
 def factory(trial: Trial) -> Found:
     """Leave the factory's values."""
     return Found(trial.factory, {})
@@ -56,7 +61,7 @@ def factory(trial: Trial) -> Found:
 
 def truth(trial: Trial) -> Found:
     """Take the true values; of a correction that depends on the range, that at `DL_AT_M`."""
-    if trial.true.carried:
+    if has_near_points(trial.true):
         return Found(trial.true, {})
     return Found(replace(trial.true, dl=trial.correction(DL_AT_M, slice(None))), {})
 
@@ -84,7 +89,7 @@ def _members(
 def _mean(members: Sequence[Member], weighting: Weighting = "equal") -> Found:
     found = average(members, weighting)
     parameters = found.adjusted
-    if parameters.carried:
+    if has_near_points(parameters):
         # One distance correction for all ranges, as a set of these methods is written to a file.
         parameters = for_program(parameters, "manual")
     return Found(parameters, found.std_by_name())
@@ -130,17 +135,14 @@ def unit_stations(trial: Trial) -> list[UnitStation]:
 
 def unit_settings(trial: Trial) -> UnitSettings:
     """What the default adjustment assumes."""
-    own_file = SCANNERS[trial.scanner].has_factory_file
-    return UnitSettings(
-        far_point_m=FAR_M if trial.factory.carried else None, shift_m=0.01 if own_file else 0.0013
-    )
+    return UnitSettings.recommended(SCANNERS[trial.scanner], factory=trial.factory)
 
 
 def _of_unit(trial: Trial, settings: UnitSettings) -> Found:
     result = adjust_unit(unit_stations(trial), trial.factory, settings)
     calibration = result.calibration
     parameters = calibration.adjusted
-    if trial.factory.carried:
+    if has_near_points(trial.factory):
         # The correction is one of the distance at a range, from the far point's dl on.
         near = trial.factory.dl[:, None] + result.near_correction(np.array(NEAR_M))
         carried = dict(zip(NEAR_POINT, near.T, strict=True))

@@ -225,8 +225,8 @@ def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     cases = list(dict.fromkeys(summary["case"]))
     groups = {
         "bench_issue": [case for case in cases if case in ISSUE],
-        "bench_study": [case for case in cases if case.endswith("study")],
-        "bench_other": [c for c in cases if c not in ISSUE and not c.endswith("study")],
+        "bench_study": [case for case in cases if "study" in case],
+        "bench_other": [c for c in cases if c not in ISSUE and "study" not in c],
     }
     few = summary[summary["method"].isin([FACTORY, "prior", DEFAULT, ORACLE, TRUTH])]
     found = {name: errors_table(summary, group) for name, group in groups.items()}

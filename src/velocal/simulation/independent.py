@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
 from velocal.scanner.models import AZIMUTH_TICK_DEG, SCANNERS, Scanner
-from velocal.scanner.parameters import NEAR_POINT, LaserParameters
+from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets
 
@@ -407,6 +407,7 @@ def _unit(
         v=scanner.vertical_rad + (around(-0.1, 0.13) if own_file else 0.0) * _DEG,
         voff=scanner.vertical_offset_m + np.zeros(n),
         hoff=scanner.horizontal_offset_m + np.zeros(n),
+        carried={TWO_POINT: np.zeros(n)},
     )
     true = replace(
         factory,
@@ -425,8 +426,9 @@ def _unit(
     near = {
         name: factory.dl + slope * (at - FAR_M) for name, at in zip(NEAR_POINT, NEAR_M, strict=True)
     }
-    file = replace(factory, carried={name: value - wrong for name, value in near.items()})
-    return file, replace(true, carried=near), slope
+    on = {TWO_POINT: np.ones(n)}
+    file = replace(factory, carried=on | {name: value - wrong for name, value in near.items()})
+    return file, replace(true, carried=on | near), slope
 
 
 def _correction(

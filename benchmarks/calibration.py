@@ -4,7 +4,8 @@ Usage: python benchmarks/calibration.py [--draws N] [--cases NAME ...] [--method
            [--seed FIRST] [--processes 1] [--out FOLDER] [--cost] [--write]
 
 Rows of all draws are collected in FOLDER/draws.csv; a run replaces those of its cases, seeds and
-methods. The tables of a run are made from all rows of that file. --write puts them into the page.
+methods. The tables are made from all draws of that file on which all methods of their case were
+run. --write puts them into the page.
 Seeds from 1001 on are those of the page: use others to develop a method.
 """
 
@@ -23,7 +24,7 @@ import pandas as pd
 from calibration_cases import ALL, CASES, FIRST_SEED
 from calibration_judge import judged
 from calibration_methods import METHODS, unit_settings, unit_stations
-from calibration_tables import summarised, tables
+from calibration_tables import complete, summarised, tables
 
 from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.io.markup import inserted
@@ -125,7 +126,7 @@ def main(arguments: Sequence[str]) -> None:
         ]
         collect(tasks, chosen.processes, file)
     draws = pd.read_csv(file)
-    summarised(draws).to_csv(chosen.out / "summary.csv", index=False, float_format="%.6g")
+    summarised(complete(draws)).to_csv(chosen.out / "summary.csv", index=False, float_format="%.6g")
     found = tables(draws, pd.read_csv(costs) if costs.exists() else None)
     for name, table in found.items():
         (chosen.out / f"{name}.md").write_text(table + "\n", encoding="utf-8")

@@ -44,6 +44,12 @@ def summarised(draws: pd.DataFrame) -> pd.DataFrame:
     return table.sort_values(["place", "rank"]).drop(columns=["place", "rank"])
 
 
+def complete(draws: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the draws that all methods of their case have run on, so that means compare."""
+    methods = draws.groupby(["case", "seed"])["method"].transform("nunique")
+    return draws[methods == methods.groupby(draws["case"]).transform("max")]
+
+
 def against(draws: pd.DataFrame, method: str) -> pd.Series:
     """S at unseen stations of every row, divided by that of another method on the same draw."""
     other = draws[draws["method"] == method].set_index(["case", "seed"])["unseen_cm"]
@@ -221,6 +227,7 @@ def cost_table(cost: pd.DataFrame) -> str:
 
 def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     """All tables, by the name of their place in the page."""
+    draws = complete(draws)
     summary = summarised(draws)
     cases = list(dict.fromkeys(summary["case"]))
     groups = {

@@ -28,7 +28,8 @@ from calibration_tables import complete, summarised, tables
 
 from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.io.markup import inserted
-from velocal.simulation.independent import Plan, draw
+from velocal.simulation.independent.plan import Plan
+from velocal.simulation.independent.trial import draw
 
 PAGE = Path(__file__).parents[1] / "docs/methods.md"
 

@@ -9,7 +9,8 @@ from functools import partial
 from calibration_judge import study_trial
 from calibration_methods import METHODS
 
-from velocal.simulation.independent import Noise, Plan, SurveyErrors, Trial, UnitErrors, draw
+from velocal.simulation.independent.plan import Noise, Plan, SurveyErrors, UnitErrors
+from velocal.simulation.independent.trial import Trial, draw
 
 #: The seeds of the page begin here; others are for the development of methods.
 FIRST_SEED = 1001

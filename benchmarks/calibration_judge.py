@@ -16,7 +16,8 @@ from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
 from velocal.simulation.draws import EDGE_M, INCIDENCE_RAD, MEDIAN_PER_MEAN, PLANES
-from velocal.simulation.independent import FAR_M, NEAR_M, Recorded, Trial
+from velocal.simulation.independent.shots import FAR_M
+from velocal.simulation.independent.trial import NEAR_M, Recorded, Trial
 from velocal.simulation.scene import Surface, cast, site_surfaces
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import (

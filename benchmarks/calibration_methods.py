@@ -19,7 +19,7 @@ from velocal.arrays import Array
 from velocal.calibration.convert import for_program
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, LaserParameters
-from velocal.simulation.independent import NEAR_M, Trial
+from velocal.simulation.independent.trial import NEAR_M, Trial
 from velocal.study.adjustment import Adjustment
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.

@@ -11,7 +11,8 @@ from velocal.adjustment.observations import joined
 from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
-from velocal.simulation.independent import Plan, Trial, draw
+from velocal.simulation.independent.plan import Plan
+from velocal.simulation.independent.trial import Trial, draw
 
 NAMES = ("dl", "alpha", "v")
 

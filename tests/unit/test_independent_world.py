@@ -10,7 +10,10 @@ import pytest
 from velocal.calibration.dialects import DIALECTS
 from velocal.scanner.models import SCANNERS
 from velocal.simulation import independent
-from velocal.simulation.independent import Noise, Plan, SurveyErrors, UnitErrors, draw
+from velocal.simulation.independent.plan import SURFACES, Noise, Plan, SurveyErrors, UnitErrors
+from velocal.simulation.independent.shots import along
+from velocal.simulation.independent.site import surface_of
+from velocal.simulation.independent.trial import draw
 
 SILENT = Noise(shot_cm=0.0, pattern_cm=0.0, shift_cm=0.0, drift_cm=0.0, azimuth_deg=0.0)
 #: Zero would make the covariances singular.
@@ -25,9 +28,14 @@ FORBIDDEN = (
 
 
 def test_imports_no_model_of_the_project():
-    tree = ast.parse(Path(independent.__file__).read_text(encoding="utf-8"))
-    names = [node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    assert not [name for name in names if name.startswith(FORBIDDEN)]
+    modules = list(Path(independent.__path__[0]).glob("*.py"))
+    assert len(modules) > 3
+    trees = [ast.parse(module.read_text(encoding="utf-8")) for module in modules]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    names = {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+    own = {name for name in names if name.startswith(independent.__name__)}
+    assert own
+    assert not [name for name in names - own if name.startswith(FORBIDDEN)]
 
 
 @pytest.mark.parametrize("scanner", ["HDL-64E", "HDL-32E", "VLP-16"])
@@ -38,7 +46,7 @@ def test_without_errors_the_truth_has_no_misclosures(scanner):
         tilt_deg=20.0,
         windows=1,
         every=20,
-        surfaces=tuple(independent.SURFACES),
+        surfaces=tuple(SURFACES),
         unit=UnitErrors(hoff_mm=3.0, voff_mm=3.0),
         noise=SILENT,
         survey=EXACT,
@@ -52,7 +60,7 @@ def test_without_errors_the_truth_has_no_misclosures(scanner):
         assert np.max(np.abs(data.misclosure(trial.true))) < half_tick + 1e-6
         assert np.max(np.abs(data.misclosure(trial.factory))) > 0.01
     seen = np.unique(np.concatenate([window.plane for window in windows]))
-    assert list(seen) == list(range(len(independent.SURFACES)))
+    assert list(seen) == list(range(len(SURFACES)))
 
 
 def test_shots_lie_where_the_equations_put_them():
@@ -92,7 +100,7 @@ def test_unit_errors_are_as_large_as_stated():
 @pytest.mark.parametrize("gaussian", [False, True])
 def test_pattern_has_its_correlation(gaussian):
     noise = replace(SILENT, pattern_deg=2.0, pattern_gaussian=gaussian)
-    rows = independent._along(3600, 0.1, noise, np.random.default_rng(0), 200)
+    rows = along(3600, 0.1, noise, np.random.default_rng(0), 200)
     lag = np.mean(rows * np.roll(rows, 20, axis=1))  # over 2 deg
     assert np.mean(rows**2) == pytest.approx(1.0, abs=0.03)
     assert lag == pytest.approx(np.exp(-0.25 if gaussian else -1.0), abs=0.03)
@@ -112,7 +120,7 @@ def test_poses_scatter_as_their_covariance_says():
 
 
 def test_relief_is_as_large_as_stated():
-    surface = independent._surface(np.random.default_rng(1), "long", 2.0)
+    surface = surface_of(np.random.default_rng(1), "long", 2.0)
     a, b = np.random.default_rng(2).uniform(0.0, surface.extent, (4000, 2)).T
     assert np.std(surface.relief(a, b)) == pytest.approx(2e-3, rel=0.1)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.adjustment.result import CalibrationSet, LaserQuality
+from velocal.adjustment.unit.common_mean import DATUM
 from velocal.adjustment.unit.describe import Description, describe
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import (
@@ -305,12 +306,9 @@ def _result(
     kept = values > 1e-8 * max(float(values[-1]), 1e-300)
     root = (vectors[:, kept] * np.sqrt(values[kept])).reshape(lasers, u, -1)
 
-    common_std = np.stack([np.sqrt(np.diag(one.common_covariance)) for one in each])
-    common_std = np.sqrt(mean(list(common_std**2)))
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     total = prior.copy()
-    total[:, 1:] += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
-    total[:, 0] += common_std[0] ** 2
+    total += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
     # What the data do not decide stays with the mean of the unit. The variance of the prior is
     # then that of the error.
@@ -341,13 +339,14 @@ def _result(
     parts = tuple(
         CommonPart(
             name=name,
+            unit=unit,
             value=float(datum.mean[i]),
             std=float(np.sqrt(datum.covariance[i, i])),
             by_survey=float(datum.by_survey[i]),
             by_survey_std=float(datum.by_survey_std[i]),
             decided=float(datum.decided[i]),
         )
-        for i, name in enumerate(("alpha", "v"))
+        for i, (name, unit) in enumerate(DATUM.items())
     )
     observed = count > 0
     shape = (lasers, len(stations))
@@ -483,6 +482,9 @@ def _population(
         name = "far" if size.name == "scale" and size.unit == "m" else size.name
         if size.fixed or len(values) == 1:
             value = low = high = float(values[0, number])
+            if size.fixed and name == "shift":
+                # The model knows only a share of it; see `SHRINKING`.
+                value = low = high = value / SHRINKING
         else:
             value, low, high = quantiles(values[:, number], integrated.weight, _QUANTILES)
         found.append(

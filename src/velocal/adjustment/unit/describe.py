@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
-from velocal.adjustment.unit.common_mean import CommonMean, common_mean
+from velocal.adjustment.unit.common_mean import DATUM, CommonMean, common_mean
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN, symmetric_root
 from velocal.arrays import Array
 
-#: Places of the means that the pose can imitate, among the common unknowns.
-_DATUM = np.array([UNKNOWNS.index("alpha"), UNKNOWNS.index("v")])
+#: Places of the means that an error of the survey can imitate, among the common unknowns.
+_DATUM = np.array([UNKNOWNS.index(name) for name in DATUM])
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def describe(
     std = posterior.std
     inverse = cho_solve((posterior.common_root, True), np.eye(m))
     inverse = 0.5 * (inverse + inverse.T)
-    # Choose the datum: replace the distribution of the two means, and what depends on them.
+    # Choose the datum: replace the distribution of the means, and what depends on them.
     block = inverse[np.ix_(_DATUM, _DATUM)]
     datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
     gain = np.linalg.solve(block, inverse[_DATUM]).T

@@ -105,7 +105,7 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         ``dl_cm``, ``alpha_deg``, ``v_deg``: root mean square errors over the lasers (dl at 3 m);
         ``{name}_mean``: the part common to all lasers; ``worst_dl_cm``: of the worst laser;
         ``cover_{name}``: share of the lasers whose 95 % interval contains the truth, NaN without
-        stated deviations, and without the mean of a parameter whose mean stays at the factory's
+        stated deviations, and without the mean of an angle whose mean stays at the factory's
         value; ``std_{name}``: root mean square stated deviation; ``unseen_cm``,
         ``centred_cm``, ``induced_cm``: root mean square of s at unseen stations, without the mean
         of each station, and of the difference to what the true values give; ``point_{range}_cm``,
@@ -123,7 +123,8 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         row[f"{name}_{unit}"] = _rms(values) * factor
         row[f"{name}_mean"] = float(np.mean(values)) * factor
         std = found.std.get(name)
-        if name in found.at_factory:
+        # The interval of dl contains what it may cost to leave the mean.
+        if name in found.at_factory and name != "dl":
             values = values - values.mean()
         row[f"cover_{name}"] = (
             np.nan if std is None else float(np.mean(np.abs(values) <= NORMAL_95 * std))

@@ -19,6 +19,7 @@ from velocal.arrays import Array
 from velocal.calibration.convert import for_program
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, LaserParameters
+from velocal.simulation.independent.shots import FAR_M
 from velocal.simulation.independent.trial import NEAR_M, Trial
 from velocal.study.adjustment import Adjustment
 
@@ -119,12 +120,27 @@ def prior(trial: Trial) -> tuple[Found, Found]:
     return _mean(members), _mean(members, "covariance")
 
 
+def _corrected(data: Observations, factory: LaserParameters) -> Observations:
+    """Correct distances by the near points of the file, so that they are not adjusted anew.
+
+    What the file says of near ranges is the better start: the adjustment then finds by how much
+    the near points are wrong, and leaves them where it does not know better.
+    """
+    if not has_near_points(factory):
+        return data
+    laser = data.laser_id
+    length = data.distance_m + factory.dl[laser]
+    share = np.maximum(FAR_M - length, 0.0) / (FAR_M - NEAR_M[0])
+    change = (factory.carried[NEAR_POINT[0]] - factory.dl)[laser] * share
+    return replace(data, distance_m=data.distance_m + change)
+
+
 def unit_stations(trial: Trial) -> list[UnitStation]:
     """All windows of every station together, with its survey, for the adjustment of the unit."""
     return [
         UnitStation(
             name=station.survey.position,
-            observations=replace(joined(station.windows), station=None),
+            observations=_corrected(replace(joined(station.windows), station=None), trial.factory),
             survey=station.survey.uncertainty(),
             plane_names=tuple(plane.patch.name for plane in station.survey.planes),
             pose=station.survey.pose,
@@ -143,10 +159,14 @@ def _of_unit(trial: Trial, settings: UnitSettings) -> Found:
     calibration = result.calibration
     parameters = calibration.adjusted
     if has_near_points(trial.factory):
-        # The correction is one of the distance at a range, from the far point's dl on.
-        near = trial.factory.dl[:, None] + result.near_correction(np.array(NEAR_M))
-        carried = dict(zip(NEAR_POINT, near.T, strict=True))
-        parameters = replace(parameters, dl=trial.factory.dl, carried=carried)
+        change = result.near_correction(np.array(NEAR_M)).T
+        near = {
+            name: trial.factory.carried[name] + own
+            for name, own in zip(NEAR_POINT, change, strict=True)
+        }
+        parameters = replace(
+            parameters, dl=trial.factory.dl, carried={**trial.factory.carried, **near}
+        )
     at_factory = tuple(one.name for one in result.common if one.at_factory)
     return Found(parameters, calibration.std_by_name(), at_factory)
 

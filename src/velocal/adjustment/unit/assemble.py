@@ -165,7 +165,6 @@ def _quality(
                 redundancy=max(int(n) - rank, 0),
                 residual_std_m=float(np.sqrt(variance)),
                 variance_factor=float("nan"),
-                variance_factor_p=float("nan"),
                 condition=condition,
                 least_redundancy_number=float("nan"),
                 weakly_determined=weak,

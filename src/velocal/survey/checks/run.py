@@ -1,0 +1,292 @@
+"""All checks of a study: its survey files, and its recordings against them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from velocal.adjustment.stochastic import Stochastic
+from velocal.arrays import joined_rows
+from velocal.reduction.assignment import Limits
+from velocal.scanner.beam import Beams
+from velocal.scanner.models import Scanner, scanner_named
+from velocal.scanner.parameters import LaserParameters
+from velocal.survey.checks.cells import Cells
+from velocal.survey.checks.findings import Finding
+from velocal.survey.checks.hits import Hits, PlaneHits, check_hits, explain, plane_hits
+from velocal.survey.checks.misfit import Misfits, check_misfits, misfits
+from velocal.survey.checks.motion import check_motion
+from velocal.survey.checks.planes import check_planes
+from velocal.survey.checks.pose import check_finest, check_pose
+from velocal.survey.station import Station
+from velocal.survey.targets import Targets, common
+
+
+#: How many times as many beams an explanation must put on the planes to be taken as certain.
+_FAR_BETTER = 1.5
+#: Largest number of medians of a window that are used; of more, every n-th.
+_USED = 40_000
+
+
+@dataclass(frozen=True)
+class SurveyFiles:
+    """What a surveyor handed over, and what was adjusted from it.
+
+    Attributes
+    ----------
+    planes : Targets
+        Targets of walls and floor, site frame, grouped by plane.
+    base_scanner : Targets
+        Targets of the bases, each in the frame of its scanner, grouped by scanner.
+    base_site : dict of str to Targets
+        Targets of the base in the site frame, by position.
+    stations : dict of str to Station
+        By position.
+    where : tuple of str
+        Names of the files of `planes`, `base_scanner` and `base_site`, for findings.
+    """
+
+    planes: Targets
+    base_scanner: Targets
+    base_site: Mapping[str, Targets]
+    stations: Mapping[str, Station]
+    where: tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Medians of one sample.
+
+    Attributes
+    ----------
+    sample, position : str
+    scanner : Scanner
+    factory : LaserParameters
+    from_file : bool
+        Whether `factory` comes from a calibration file, or is nominal.
+    stochastic : Stochastic
+        What the configuration knows of the errors of the lasers.
+    windows : dict of str to Beams
+        Medians by window, in the order of time.
+    """
+
+    sample: str
+    position: str
+    scanner: Scanner
+    factory: LaserParameters
+    from_file: bool
+    stochastic: Stochastic
+    windows: Mapping[str, Beams]
+
+    @property
+    def where(self) -> str:
+        """Sample and position, for findings."""
+        return f"sample {self.sample} at position {self.position}"
+
+
+@dataclass(frozen=True)
+class PlaneRow:
+    """What one sample says of one plane.
+
+    Attributes
+    ----------
+    sample, position : str
+    seen : PlaneHits
+    shift_m, shift_std_m : float
+        By how much the plane lies nearer to the scanner than surveyed, by the medians, and the
+        standard deviation of that from all that is known; NaN where it is not determined.
+    """
+
+    sample: str
+    position: str
+    seen: PlaneHits
+    shift_m: float
+    shift_std_m: float
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Result of all checks.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+    planes : tuple of PlaneRow
+    """
+
+    findings: tuple[Finding, ...]
+    planes: tuple[PlaneRow, ...]
+
+
+def check_study(
+    survey: SurveyFiles, recorded: Sequence[Recorded], *, limits: Limits, sigma_m: float
+) -> Checked:
+    """Run all checks.
+
+    Parameters
+    ----------
+    survey : SurveyFiles
+    recorded : sequence of Recorded
+    limits : Limits
+        Limits of the assignment.
+    sigma_m : float
+        Standard deviation of a distance in the datasheet, metres.
+
+    Returns
+    -------
+    Checked
+    """
+    found = list(_of_survey(survey, limits, sigma_m))
+    rows: list[PlaneRow] = []
+    cells: dict[str, list[tuple[str, Cells]]] = {}
+    n_pairs = sum(len(each.windows) for each in recorded)
+    for each in recorded:
+        station = survey.stations[each.position]
+        windows = {name: _thinned(window) for name, window in each.windows.items()}
+        beams = joined_rows(list(windows.values()))
+        hits = Hits.of(beams, each.factory, station.patches, limits)
+        seen = plane_hits(hits, station.patches, limits)
+        of_hits = check_hits(seen, limits, each.scanner.n_lasers, each.where)
+        if of_hits:
+            of_hits = _explained(survey, each, beams, of_hits, limits)
+        if any(finding.severity == "error" for finding in of_hits):
+            found += of_hits
+            rows += [PlaneRow(each.sample, each.position, plane, np.nan, np.nan) for plane in seen]
+            continue
+        found += [*of_hits, *_nominal(each)]
+        together = Cells.of(beams, hits, each.factory, station, limits)
+        if not len(together):
+            rows += [PlaneRow(each.sample, each.position, plane, np.nan, np.nan) for plane in seen]
+            continue
+        tests = misfits(together, each.factory, station, each.stochastic)
+        found += check_misfits(
+            tests, station, each.scanner, sigma_m,
+            n_tests=len(recorded) * (len(station.planes) + 1), where=each.where,
+        )  # fmt: skip
+        rows += _rows(each, seen, tests)
+        of_windows = [
+            (
+                f"sample {each.sample}, window {name}",
+                Cells.of(
+                    window, Hits.of(window, each.factory, station.patches, limits), each.factory,
+                    station, limits,
+                ),
+            )
+            for name, window in windows.items()
+        ]  # fmt: skip
+        cells.setdefault(each.position, []).extend(of_windows)
+        tick = each.scanner.distance_tick_m
+        for (first, before), (second, after) in pairwise(cells[each.position]):
+            if second in [name for name, _ in of_windows]:
+                found += check_motion(
+                    before, after, station, tick_m=tick, sigma_m=sigma_m, n_tests=n_pairs,
+                    where=f"position {each.position}, between {first} and {second}",
+                )  # fmt: skip
+    found += _single_positions(recorded)
+    return Checked(tuple(found), tuple(rows))
+
+
+def _of_survey(survey: SurveyFiles, limits: Limits, sigma_m: float) -> Iterator[Finding]:
+    of_planes, of_scanner, of_site = survey.where
+    names = list(dict.fromkeys(p.patch.name for s in survey.stations.values() for p in s.planes))
+    yield from check_finest(survey.planes, of_planes)
+    yield from check_finest(survey.base_scanner, of_scanner)
+    yield from check_planes(
+        survey.planes, names, edge_m=limits.edge_m, sigma_m=sigma_m, where=of_planes
+    )
+    for position, station in survey.stations.items():
+        base = survey.base_site[position]
+        yield from check_finest(base, f"{of_site}, position {position}")
+        yield from check_pose(
+            base,
+            survey.base_scanner.of(station.scanner, where=of_scanner),
+            station,
+            incidence_rad=limits.incidence_rad,
+            max_range_m=scanner_named(station.scanner).max_range_m,
+            sigma_m=sigma_m,
+            where=f"{of_scanner} and {of_site}, position {position}",
+        )
+
+
+def _thinned(beams: Beams) -> Beams:
+    return beams[np.arange(0, len(beams), -(-len(beams) // _USED) or 1)]
+
+
+def _explained(
+    survey: SurveyFiles,
+    each: Recorded,
+    beams: Beams,
+    findings: Sequence[Finding],
+    limits: Limits,
+) -> list[Finding]:
+    """Findings on the beams of a recording, with the mistake that explains them as hint.
+
+    They are errors where that mistake explains far more beams.
+    """
+    if each.scanner.has_factory_file and not each.from_file:
+        return [replace(finding, hint=_NO_FILE) for finding in findings]
+    station = survey.stations[each.position]
+    others = {
+        name: other
+        for name, other in survey.stations.items()
+        if other.scanner == station.scanner and name != each.position
+    }
+    base = survey.base_scanner.of(station.scanner, where=survey.where[1])
+    site, scanner = common(survey.base_site[each.position], base, where=survey.where[1])
+    found = explain(beams, each.factory, station, site, scanner, others, limits)
+    if found is None:
+        return list(findings)
+    certain = found.more > _FAR_BETTER
+    return [
+        replace(
+            finding, hint=str(found), severity="error" if certain else finding.severity
+        )
+        for finding in findings
+        if certain or finding.severity == "error"
+    ] or list(findings)
+
+
+_NO_FILE = (
+    "The factory measures every unit of this scanner and delivers its calibration file (db.xml), "
+    "and nominal values are off by more than a metre: name the file in the sample table, or "
+    "`embedded` where the packets contain it."
+)
+
+
+def _nominal(each: Recorded) -> list[Finding]:
+    """Nominal values of a scanner whose units differ."""
+    if each.from_file or not each.scanner.has_factory_file:
+        return []
+    return [
+        Finding("warning", "calibration file", each.where, "the values are nominal", hint=_NO_FILE)
+    ]
+
+
+def _rows(each: Recorded, seen: Sequence[PlaneHits], tests: Misfits) -> list[PlaneRow]:
+    rows = []
+    for plane, test in zip(seen, tests.planes, strict=True):
+        told = test.dof > 0
+        shift, std = (float(test.value[0]), float(test.std[0])) if told else (np.nan, np.nan)
+        rows.append(PlaneRow(each.sample, each.position, plane, shift, std))
+    return rows
+
+
+def _single_positions(recorded: Sequence[Recorded]) -> list[Finding]:
+    """Scanners that were recorded from one position only."""
+    positions: dict[str, set[str]] = {}
+    for each in recorded:
+        positions.setdefault(each.scanner.name, set()).add(each.position)
+    return [
+        Finding(
+            "warning", "independent check", f"scanner {name}",
+            "there is one position only: nothing tells an error of its survey from one of the "
+            "scanner, and the result is judged on the data that it comes from",
+            allowed="two positions or more",
+            hint="Record from a second position, with another heading and distances.",
+        )
+        for name, where in positions.items()
+        if len(where) == 1
+    ]  # fmt: skip

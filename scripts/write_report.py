@@ -14,6 +14,7 @@ from velocal.io.scripts import run
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
+from velocal.survey.checks.findings import read_findings
 
 FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 
@@ -32,6 +33,7 @@ def main(
     agreement: Path | None,
     summary: Path | None,
     surveys: list[Path],
+    checks: Path | None,
     sets: list[Path],
     pictures: list[Path],
     numbers: list[Path],
@@ -79,6 +81,7 @@ def main(
             for (number, selection), png, csv in drawn
         ],
         surveys=[storage.read_json(path) for path in surveys],
+        warnings=read_findings(checks) if checks else (),
         sets=columns,
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners

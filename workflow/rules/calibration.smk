@@ -40,6 +40,8 @@ rule adjust_lasers:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
+        # Nothing is adjusted with a wrong survey; what the checks say changes no adjustment.
+        checks=ancient(CHECKS),
     output:
         adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
         covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",

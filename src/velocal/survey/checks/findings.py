@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Literal
 
 from velocal.errors import SurveyError
+from velocal.io import storage
 
 Severity = Literal["error", "warning"]
 
@@ -72,6 +74,18 @@ def columns(findings: Sequence[Finding]) -> dict[str, list[str]]:
     """
     rows = sorted(findings, key=lambda each: each.severity)
     return {name.name: [getattr(row, name.name) for row in rows] for name in fields(Finding)}
+
+
+def read_findings(path: Path) -> list[Finding]:
+    """Read the table of findings, ``survey/checks.csv``.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    names = [each.name for each in fields(Finding)]
+    table = storage.read_csv(path, text=names)
+    return [Finding(*row) for row in zip(*(table[name] for name in names), strict=True)]
 
 
 def raise_errors(findings: Sequence[Finding]) -> None:

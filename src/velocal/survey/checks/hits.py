@@ -1,4 +1,4 @@
-"""Do the beams that should hit a plane end on it? If not: which mistake would explain them?"""
+"""Whether the beams that should hit a plane end on it, and which mistake explains them if not."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TRIED = 4000
 _IDENTITY = np.eye(3)
 #: What is said of the mistakes that are made most often, by the matrix that takes the right
 #: coordinates of the base to the stated ones.
-_NAMED = {
+_NAMED: dict[tuple[tuple[int, ...], ...], str] = {
     ((0, 1, 0), (1, 0, 0), (0, 0, 1)): "X and Y of the base are exchanged",
     ((0, 1, 0), (-1, 0, 0), (0, 0, 1)): "the base has ROS axes (X forward, Y to the left)",
     ((-1, 0, 0), (0, -1, 0), (0, 0, 1)): "the base is turned by 180 deg about Z",
@@ -347,9 +347,7 @@ def _alternatives(
 
 def _formula(stated: Array) -> str:
     """Stated coordinates of the base by the right ones, as in "(-y, x, z)"."""
-    terms = [
-        ("-" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in stated
-    ]
+    terms = [("-" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in stated]
     return f"the stated coordinates of the base are ({', '.join(terms)}) of the right x, y, z"
 
 

@@ -1,4 +1,4 @@
-"""Do the medians contradict the pose, a plane, or the calibration file?
+"""Whether the medians contradict the pose, a plane, or the calibration file.
 
 All errors that are known beforehand are adjusted together: those of the lasers (their priors), what
 all lasers have in common, the pose (covariance of its targets), the planes (covariance of theirs).
@@ -117,8 +117,8 @@ def misfits(
     shift = np.zeros((n, k * m))
     shift[np.arange(n), of_laser * m + cells.plane] = _SURFACE_M
     on_plane = (cells.plane[:, None] == np.arange(m)).astype(float)
-    # What all lasers have in common: distance, yaw and tilt of the angles, range scale, and shifts of
-    # the surfaces along the beam and across the plane.
+    # What all lasers have in common: distance, yaw and tilt of the angles, range scale, and shifts
+    # of the surfaces along the beam and across the plane.
     common = np.column_stack(
         [
             np.full(n, _COMMON_M),

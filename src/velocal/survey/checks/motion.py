@@ -1,4 +1,4 @@
-"""Did the scanner move between two windows, or between two recordings at one position?"""
+"""Whether the scanner moved between two windows, or two recordings at one position."""
 
 from __future__ import annotations
 
@@ -60,9 +60,10 @@ def check_motion(
     about = np.eye(6)
     about[3:, :3] = np.array([[0, t[2], -t[1]], [-t[2], 0, t[0]], [t[1], -t[0], 0]])
     full = by_pose @ about
-    reduced, seen = _without_lasers(full, laser, weight), _without_lasers(
-        change[:, None], laser, weight
-    )[:, 0]
+    reduced, seen = (
+        _without_lasers(full, laser, weight),
+        _without_lasers(change[:, None], laser, weight)[:, 0],
+    )
     values, vectors = np.linalg.eigh(reduced.T @ reduced)
     told = values > 1e-6 * values[-1]
     turned = vectors[:, told]
@@ -90,9 +91,7 @@ def check_motion(
     ]  # fmt: skip
 
 
-def _without_lasers(
-    columns: np.ndarray, laser: np.ndarray, weight: np.ndarray
-) -> np.ndarray:
+def _without_lasers(columns: np.ndarray, laser: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Weighted columns without the weighted mean of every laser."""
     total = np.bincount(laser, weight**2)
     mean = np.stack(

@@ -1,4 +1,4 @@
-"""Checks of the targets of walls and floor: do they span an area, and is one of them wrong?"""
+"""Checks of the targets of walls and floor: do they span an area, is one of them wrong."""
 
 from __future__ import annotations
 
@@ -109,8 +109,8 @@ def _wrong_target(targets: Targets, sigma_m: float, where: str) -> list[Finding]
     return [
         Finding(
             severity(effect, sigma_m), "targets of a plane", f"{where}, target {which}",
-            f"this target{doubt} lies {abs(deviation) * 100:.3g} cm off the plane of the others, and "
-            f"changes the plane by {effect * 100:.2g} cm",
+            f"this target{doubt} lies {abs(deviation) * 100:.3g} cm off the plane of the others, "
+            f"and changes the plane by {effect * 100:.2g} cm",
             allowed=f"{abs(deviation) / ratio * 100:.2g} cm",
             hint="Does it belong to another plane, or has it a wrong coordinate? Correct or remove "
             "it.",

@@ -13,14 +13,15 @@ from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.geometry.planes import Patch
 from velocal.geometry.rigid import RigidAdjustment, RigidTransformation, adjust_rigid, skew
-from velocal.survey.checks.findings import SIGNIFICANCE, Finding, severity
+from velocal.reduction.assignment import Limits
+from velocal.survey.checks.findings import SEVERE, SIGNIFICANCE, Finding, severity
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets, common
 
 #: No instrument measures targets better than this, metres (a laser tracker reaches 15 um).
 FINEST_M = 1e-5
-#: Largest extent of the targets on a base, metres. On a vehicle they may be some metres apart; a base
-#: of 0.1 m in centimetres is larger.
+#: Largest extent of the targets on a base, metres. On a vehicle they may be some metres apart; a
+#: base of 0.1 m in centimetres is larger.
 LARGEST_BASE_M = 8.0
 #: Shares of the way from the centre of a patch to its corners at which effects are computed.
 _SHARES = (0.0, 0.5, 0.9)
@@ -110,7 +111,7 @@ def check_pose(
     base_scanner: Targets,
     station: Station,
     *,
-    incidence_rad: float,
+    limits: Limits,
     max_range_m: float,
     sigma_m: float,
     where: str,
@@ -123,8 +124,8 @@ def check_pose(
         Targets of the base at the position, and in the scanner frame.
     station : Station
         What was adjusted from them.
-    incidence_rad : float
-        Largest angle between beam and normal.
+    limits : Limits
+        Limits of the assignment.
     max_range_m : float
         Largest range of the scanner.
     sigma_m : float
@@ -142,15 +143,14 @@ def check_pose(
         return of_units
     if min(site.std.min(), scanner.std.min()) < FINEST_M:
         return []  # `check_finest` says it, and all tests would fail
-    probes = Probes.of(station.patches, incidence_rad, max_range_m)
-    found = _uncertain(fit, probes, sigma_m, where)
+    probes = Probes.of(station.patches, limits.incidence_rad, max_range_m)
+    found = _uncertain(fit, probes, limits, sigma_m, where)
     if fit.redundancy == 0:
         return found
     squares = fit.variance_factor * fit.redundancy
     if squares > chi2.isf(SIGNIFICANCE, fit.redundancy):
-        found += (
-            _mirrored(site, scanner, squares, fit.redundancy, where)
-            or _one_target(site, scanner, fit, probes, sigma_m, where)
+        found += _mirrored(site, scanner, squares, fit.redundancy, where) or _one_target(
+            site, scanner, fit, probes, sigma_m, where
         )
     return found
 
@@ -179,12 +179,16 @@ def check_finest(targets: Targets, where: str) -> list[Finding]:
 
 
 def _uncertain(
-    fit: RigidAdjustment, probes: Probes, sigma_m: float, where: str
+    fit: RigidAdjustment, probes: Probes, limits: Limits, sigma_m: float, where: str
 ) -> list[Finding]:
-    """A pose that is known less well than the scanner measures."""
+    """A pose that is known far less well than the scanner measures.
+
+    It is an error where its expanded uncertainty (k = 2) exceeds the limit of the assignment: the
+    beams of a correct survey would then be taken for those of something else.
+    """
     pose = fit.transformation
     std = probes.std(pose)
-    if std <= sigma_m:
+    if std <= SEVERE * sigma_m:
         return []
     # The axis about which the rotation is known least.
     turn = np.sqrt(np.linalg.eigvalsh(pose.covariance[:3, :3]))
@@ -193,10 +197,10 @@ def _uncertain(
         hint = "The targets of the base lie nearly on one line: add one off it."
     return [
         Finding(
-            severity(std, sigma_m), "pose", where,
+            "error" if 2.0 * std > limits.distance_m else "warning", "pose", where,
             f"the targets of the base give the rotation to {np.rad2deg(turn[2]):.2g} deg only: by "
             f"this alone the distances to the planes are uncertain by {std * 100:.2g} cm",
-            allowed=f"{sigma_m * 100:g} cm, the standard deviation of the datasheet",
+            allowed=f"{SEVERE * sigma_m * 100:g} cm, {SEVERE:g} sigma of the datasheet",
             hint=hint,
         )
     ]  # fmt: skip

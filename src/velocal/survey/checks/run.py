@@ -24,7 +24,6 @@ from velocal.survey.checks.pose import check_finest, check_pose
 from velocal.survey.station import Station
 from velocal.survey.targets import Targets, common
 
-
 #: How many times as many beams an explanation must put on the planes to be taken as certain.
 _FAR_BETTER = 1.5
 #: Largest number of medians of a window that are used; of more, every n-th.
@@ -198,13 +197,13 @@ def _of_survey(survey: SurveyFiles, limits: Limits, sigma_m: float) -> Iterator[
         survey.planes, names, edge_m=limits.edge_m, sigma_m=sigma_m, where=of_planes
     )
     for position, station in survey.stations.items():
-        base = survey.base_site[position]
+        base = survey.base_site[position].reduced(station.site_origin_m)
         yield from check_finest(base, f"{of_site}, position {position}")
         yield from check_pose(
             base,
             survey.base_scanner.of(station.scanner, where=of_scanner),
             station,
-            incidence_rad=limits.incidence_rad,
+            limits=limits,
             max_range_m=scanner_named(station.scanner).max_range_m,
             sigma_m=sigma_m,
             where=f"{of_scanner} and {of_site}, position {position}",
@@ -235,15 +234,14 @@ def _explained(
         if other.scanner == station.scanner and name != each.position
     }
     base = survey.base_scanner.of(station.scanner, where=survey.where[1])
-    site, scanner = common(survey.base_site[each.position], base, where=survey.where[1])
+    site = survey.base_site[each.position].reduced(station.site_origin_m)
+    site, scanner = common(site, base, where=survey.where[1])
     found = explain(beams, each.factory, station, site, scanner, others, limits)
     if found is None:
         return list(findings)
     certain = found.more > _FAR_BETTER
     return [
-        replace(
-            finding, hint=str(found), severity="error" if certain else finding.severity
-        )
+        replace(finding, hint=str(found), severity="error" if certain else finding.severity)
         for finding in findings
         if certain or finding.severity == "error"
     ] or list(findings)

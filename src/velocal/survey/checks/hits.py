@@ -24,6 +24,8 @@ from velocal.survey.targets import Targets
 #: Of the beams that should hit a plane, more than half must end on it: then their median does, so
 #: that the plane is where the survey says. A quarter that does not is a warning.
 LEAST, USUAL = 0.5, 0.75
+#: Name of the check, and what it allows.
+SHARE, ALLOWED = "share on the planes", f"at least {LEAST * 100:g} %, usually 100 %"
 #: Share of all beams by which an explanation must be better than one before it in the list.
 _BETTER = 0.01
 #: Vertical component of the normal of a floor or a ceiling, and share by which a vertical shift may
@@ -177,9 +179,9 @@ def check_hits(
         )
         found.append(
             Finding(
-                "error" if wrong else "warning", "share on the planes", where,
+                "error" if wrong else "warning", SHARE, where,
                 f"of the beams that should hit a plane, too few end within {limit} of it: {listed}",
-                allowed=f"at least {LEAST * 100:g} %, usually 100 %",
+                allowed=ALLOWED,
                 hint="Something stands in front of the plane, or the survey of the plane or of "
                 "the base is wrong.",
             )

@@ -8,21 +8,20 @@ change of the pose, errors of the lasers beyond their priors.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from velocal.adjustment.functional import design
 from velocal.adjustment.nuisance import by_plane
 from velocal.adjustment.stochastic import Stochastic
 from velocal.arrays import Array
-from velocal.geometry.planes import Plane
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.checks.cells import Cells
 from velocal.survey.checks.findings import SEVERE, SIGNIFICANCE, Finding, severity
-from velocal.survey.checks.hits import counted_from_bottom
 from velocal.survey.station import Station
 
 #: Standard deviation of what all lasers measure too long at a position, metres: not known.
@@ -30,6 +29,9 @@ _COMMON_M = 1.0
 #: Shift of distances on one surface against another, of all lasers and of each, metres (estimated
 #: from real recordings).
 _SURFACE_M = 0.004
+#: Share by which a vertical shift may differ from the height of the origin to be explained by it:
+#: the limits of the assignment cut the largest residuals.
+_SAME_HEIGHT = 0.35
 #: Parameters whose errors have priors here, and those of the priors that are not given.
 _PARAMETERS = {"dl": 0.02, "alpha": np.deg2rad(0.2), "v": np.deg2rad(0.2)}
 
@@ -70,6 +72,8 @@ class Misfits:
     ----------
     pose : Misfit
         Change of the pose beyond its covariance: rotation vector (rad) and translation (m).
+    height : Misfit
+        Shift of the scanner along its own Z axis beyond the covariance of the pose, metres.
     planes : tuple of Misfit
         Shift of every plane towards the scanner beyond its covariance, metres.
     lasers : dict of str to float
@@ -78,6 +82,7 @@ class Misfits:
     """
 
     pose: Misfit
+    height: Misfit
     planes: tuple[Misfit, ...]
     lasers: dict[str, float]
 
@@ -173,13 +178,14 @@ def misfits(
     towards_scanner = on_plane / cells.towards[:, None]
     return Misfits(
         pose=test(to_pose),
+        height=test(to_pose[:, 5:]),
         planes=tuple(test(towards_scanner[:, [number]]) for number in range(m)),
         lasers=ratios,
     )
 
 
 def check_misfits(
-    tests: Misfits, station: Station, scanner: Scanner, sigma_m: float, *, n_tests: int, where: str
+    tests: Misfits, station: Station, sigma_m: float, *, n_tests: int, where: str
 ) -> list[Finding]:
     """Find what the medians contradict: the most improbable of pose and planes, and the lasers.
 
@@ -187,7 +193,6 @@ def check_misfits(
     ----------
     tests : Misfits
     station : Station
-    scanner : Scanner
     sigma_m : float
         Standard deviation of a distance in the datasheet, metres.
     n_tests : int
@@ -205,9 +210,9 @@ def check_misfits(
     if groups[worst].log_p() < limit:
         group = groups[worst]
         found.append(
-            _of_pose(group, station, scanner, sigma_m, where)
+            _of_pose(group, station, sigma_m, where)
             if worst == 0
-            else _of_plane(group, worst - 1, station, scanner, sigma_m, where)
+            else _of_plane(group, worst - 1, station, sigma_m, where)
         )
         return found
     name, ratio = max(tests.lasers.items(), key=lambda item: item[1])
@@ -223,41 +228,29 @@ def check_misfits(
     return found
 
 
-def _of_pose(
-    group: Misfit, station: Station, scanner: Scanner, sigma_m: float, where: str
-) -> Finding:
+def _of_pose(group: Misfit, station: Station, sigma_m: float, where: str) -> Finding:
     turn = np.rad2deg(np.linalg.norm(group.value[:3]))
     # The change at the scanner, not at the origin of the site.
     at_scanner = group.value[3:] - np.cross(group.value[:3], station.pose.translation)
     shift = np.linalg.norm(at_scanner) * 100
-    floor = Plane(np.array([0.0, 0.0, -1.0]), 0.0, np.zeros((4, 4)))
-    # A pose that moves up brings the floor of the scanner frame nearer.
-    origin = counted_from_bottom(float(at_scanner[2]), floor, scanner)
     return Finding(
         severity(group.effect_m, sigma_m), "pose against the medians", where,
         f"the medians say that the scanner is turned by {turn:.2g} deg and shifted by "
         f"{shift:.2g} cm against its surveyed pose, more than the targets of its base allow: the "
         f"distances to the planes change by {group.effect_m * 100:.2g} cm",
-        hint=origin[:1].upper() + origin[1:] + "."
-        if origin
-        else "Check the coordinates of the base, in both frames.",
+        hint="Check the coordinates of the base, in both frames.",
     )  # fmt: skip
 
 
-def _of_plane(
-    group: Misfit, number: int, station: Station, scanner: Scanner, sigma_m: float, where: str
-) -> Finding:
+def _of_plane(group: Misfit, number: int, station: Station, sigma_m: float, where: str) -> Finding:
     patch, shift, std = station.patches[number], float(group.value[0]), float(group.std[0])
     side = "nearer to" if shift > 0 else "farther from"
-    origin = counted_from_bottom(shift, patch.plane, scanner)
     return Finding(
         severity(group.effect_m, sigma_m), "plane against the medians",
         f"{where}, plane {patch.name}",
         f"the medians say that the plane lies {abs(shift) * 100:.2g} +- {std * 100:.1g} cm {side} "
         f"the scanner than surveyed: its distances change by {group.effect_m * 100:.2g} cm",
-        hint=origin[:1].upper() + origin[1:] + "."
-        if origin
-        else "Check the coordinates of this plane, the height of the base, and whether the surface "
+        hint="Check the coordinates of this plane, the height of the base, and whether the surface "
         "has changed since the survey.",
     )  # fmt: skip
 
@@ -266,3 +259,49 @@ def _root(covariance: Array) -> Array:
     """Root R of a covariance, R R' = C; it may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def check_origin(
+    tests: Sequence[Misfits], scanner: Scanner, sigma_m: float, *, n_tests: int
+) -> list[Finding]:
+    """Test whether the base was measured from its bottom instead of from the origin of the frame.
+
+    All positions of the scanner then have the same vertical shift, whose size is known: they are
+    tested together, and for this shift only.
+
+    Parameters
+    ----------
+    tests : sequence of Misfits
+        Of one sample per position.
+    scanner : Scanner
+    sigma_m : float
+        Standard deviation of a distance in the datasheet, metres.
+    n_tests : int
+        Tests of this kind in the study, which share the significance.
+
+    Returns
+    -------
+    list of Finding
+        None or one.
+    """
+    expected = scanner.origin_height_m
+    told = [each.height for each in tests if each.height.dof]
+    if expected == 0.0 or not told:
+        return []
+    weight = np.array([1.0 / each.std[0] ** 2 for each in told])
+    up = -float(weight @ [each.value[0] for each in told] / weight.sum())
+    std = float(1.0 / np.sqrt(weight.sum()))
+    significant = norm.sf(up / std) < SIGNIFICANCE / n_tests
+    if not significant or abs(up - expected) > max(3.0 * std, _SAME_HEIGHT * expected):
+        return []
+    effect = max(each.effect_m for each in told)
+    return [
+        Finding(
+            severity(effect, sigma_m), "origin of the scanner frame", f"scanner {scanner.name}",
+            f"the medians say that the origin is {up * 1e3:.3g} +- {std * 1e3:.1g} mm above where "
+            f"the base puts it: distances change by {effect * 100:.2g} cm",
+            allowed="coordinates of the base that are counted from the origin",
+            hint=f"Are the coordinates of the base counted from its bottom? The origin is "
+            f"{expected * 1e3:g} mm above it: subtract that from z in the scanner frame.",
+        )
+    ]  # fmt: skip

@@ -16,8 +16,16 @@ from velocal.scanner.models import Scanner, scanner_named
 from velocal.scanner.parameters import LaserParameters
 from velocal.survey.checks.cells import Cells
 from velocal.survey.checks.findings import Finding
-from velocal.survey.checks.hits import Hits, PlaneHits, check_hits, explain, plane_hits
-from velocal.survey.checks.misfit import Misfits, check_misfits, misfits
+from velocal.survey.checks.hits import (
+    ALLOWED,
+    SHARE,
+    Hits,
+    PlaneHits,
+    check_hits,
+    explain,
+    plane_hits,
+)
+from velocal.survey.checks.misfit import Misfits, check_misfits, check_origin, misfits
 from velocal.survey.checks.motion import check_motion
 from velocal.survey.checks.planes import check_planes
 from velocal.survey.checks.pose import check_finest, check_pose
@@ -141,6 +149,7 @@ def check_study(
     found = list(_of_survey(survey, limits, sigma_m))
     rows: list[PlaneRow] = []
     cells: dict[str, list[tuple[str, Cells]]] = {}
+    heights: dict[str, dict[str, Misfits]] = {}
     n_pairs = sum(len(each.windows) for each in recorded)
     for each in recorded:
         station = survey.stations[each.position]
@@ -162,10 +171,11 @@ def check_study(
             continue
         tests = misfits(together, each.factory, station, each.stochastic)
         found += check_misfits(
-            tests, station, each.scanner, sigma_m,
+            tests, station, sigma_m,
             n_tests=len(recorded) * (len(station.planes) + 1), where=each.where,
         )  # fmt: skip
         rows += _rows(each, seen, tests)
+        heights.setdefault(each.scanner.name, {}).setdefault(each.position, tests)
         of_windows = [
             (
                 f"sample {each.sample}, window {name}",
@@ -184,6 +194,10 @@ def check_study(
                     before, after, station, tick_m=tick, sigma_m=sigma_m, n_tests=n_pairs,
                     where=f"position {each.position}, between {first} and {second}",
                 )  # fmt: skip
+    for name, by_position in heights.items():
+        found += check_origin(
+            list(by_position.values()), scanner_named(name), sigma_m, n_tests=len(heights)
+        )
     found += _single_positions(recorded)
     return Checked(tuple(found), tuple(rows))
 
@@ -239,12 +253,13 @@ def _explained(
     found = explain(beams, each.factory, station, site, scanner, others, limits)
     if found is None:
         return list(findings)
-    certain = found.more > _FAR_BETTER
+    if found.more > _FAR_BETTER:
+        said = "; ".join(finding.message for finding in findings)
+        return [Finding("error", SHARE, each.where, said, allowed=ALLOWED, hint=str(found))]
     return [
-        replace(finding, hint=str(found), severity="error" if certain else finding.severity)
+        replace(finding, hint=str(found)) if finding.severity == "error" else finding
         for finding in findings
-        if certain or finding.severity == "error"
-    ] or list(findings)
+    ]
 
 
 _NO_FILE = (

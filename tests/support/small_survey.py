@@ -146,7 +146,7 @@ def small(
         {
             name: {
                 window: record(known.name, true, at, rng)
-                for window in ("beginning", "middle", "end")
+                for window in ("beginning", "end")
             }
             for name, at in poses.items()
         },
@@ -164,10 +164,10 @@ def pose(name: str) -> RigidTransformation:
 def record(
     scanner: str, true: LaserParameters, at: RigidTransformation, rng: np.random.Generator
 ) -> Beams:
-    """Medians of one window, every three degrees."""
+    """Medians of one window, every four degrees."""
     n = len(true)
-    phi = np.deg2rad(np.repeat(np.arange(0.0, 360.0, 3.0), n))
-    laser = np.tile(np.arange(n), 120)
+    phi = np.deg2rad(np.repeat(np.arange(0.0, 360.0, 4.0), n))
+    laser = np.tile(np.arange(n), 90)
     direction, origin = laser_beams(phi, laser, true)
     start, towards = at.apply(origin), direction @ at.rotation.T
     with np.errstate(divide="ignore"):

@@ -32,7 +32,7 @@ _BETTER = 0.01
 #: differ from the height of the origin to be explained by it.
 _LEVEL, _SAME = 0.7, 0.35
 #: Largest number of beams that alternatives are tried on.
-_TRIED = 4000
+_TRIED = 2000
 _IDENTITY = np.eye(3)
 #: What is said of the mistakes that are made most often, by the matrix that takes the right
 #: coordinates of the base to the stated ones.

@@ -118,7 +118,9 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
     assert {w for rule, w in jobs if rule == "adjust_survey"} == {"position=P6"}
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
     # Summaries, and what is made of them: the new sample belongs to no set.
-    assert of_all <= {"summarise_statistics", "make_table", "draw_lasers", "write_report"}
+    assert of_all <= {
+        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "write_report",
+    }  # fmt: skip
 
 
 def test_one_core_gives_the_same_bytes(finished, tmp_path):

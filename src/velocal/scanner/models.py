@@ -92,9 +92,9 @@ class Scanner:
         Whether the scanner sends its factory calibration in the status bytes of its packets.
     origin_height_m : float
         Height of the origin of the scanner frame above the bottom of the base, metres. The origin
-        is the one of the maker's beam equations: where a scanner is made to nominal values it is
-        the optical centre, and that of an HDL-64E is at the base, as its factory states the height
-        of every laser above it (`voff`).
+        is the one of the maker's beam equations: the optical centre where a scanner is made to
+        nominal values. That of an HDL-64E is taken at the bottom, since the file of the factory
+        states the height of every laser (`voff`, 0.1 to 0.2 m).
     """
 
     name: str

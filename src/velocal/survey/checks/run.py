@@ -148,58 +148,60 @@ def check_study(
     """
     found = list(_of_survey(survey, limits, sigma_m))
     rows: list[PlaneRow] = []
-    cells: dict[str, list[tuple[str, Cells]]] = {}
-    heights: dict[str, dict[str, Misfits]] = {}
-    n_pairs = sum(len(each.windows) for each in recorded)
+    windows: dict[str, list[tuple[str, Cells]]] = {}
+    tested: dict[str, dict[str, Misfits]] = {}
     for each in recorded:
         station = survey.stations[each.position]
-        windows = {name: _thinned(window) for name, window in each.windows.items()}
-        beams = joined_rows(list(windows.values()))
-        hits = Hits.of(beams, each.factory, station.patches, limits)
+        beams = {name: _thinned(window) for name, window in each.windows.items()}
+        together = joined_rows(list(beams.values()))
+        hits = Hits.of(together, each.factory, station.patches, limits)
         seen = plane_hits(hits, station.patches, limits)
         of_hits = check_hits(seen, limits, each.scanner.n_lasers, each.where)
         if of_hits:
-            of_hits = _explained(survey, each, beams, of_hits, limits)
-        if any(finding.severity == "error" for finding in of_hits):
-            found += of_hits
+            of_hits = _explained(survey, each, together, of_hits, limits)
+        found += of_hits
+        cells = Cells.of(together, hits, each.factory, station, limits)
+        if not len(cells) or any(finding.severity == "error" for finding in of_hits):
             rows += [PlaneRow(each.sample, each.position, plane, np.nan, np.nan) for plane in seen]
             continue
-        found += [*of_hits, *_nominal(each)]
-        together = Cells.of(beams, hits, each.factory, station, limits)
-        if not len(together):
-            rows += [PlaneRow(each.sample, each.position, plane, np.nan, np.nan) for plane in seen]
-            continue
-        tests = misfits(together, each.factory, station, each.stochastic)
+        tests = misfits(cells, each.factory, station, each.stochastic)
+        found += _nominal(each)
         found += check_misfits(
             tests, station, sigma_m,
             n_tests=len(recorded) * (len(station.planes) + 1), where=each.where,
         )  # fmt: skip
         rows += _rows(each, seen, tests)
-        heights.setdefault(each.scanner.name, {}).setdefault(each.position, tests)
-        of_windows = [
-            (
-                f"sample {each.sample}, window {name}",
-                Cells.of(
-                    window, Hits.of(window, each.factory, station.patches, limits), each.factory,
-                    station, limits,
-                ),
+        tested.setdefault(each.scanner.name, {}).setdefault(each.position, tests)
+        for name, window in beams.items():
+            own = Hits.of(window, each.factory, station.patches, limits)
+            windows.setdefault(each.position, []).append(
+                (
+                    f"sample {each.sample}, window {name}",
+                    Cells.of(window, own, each.factory, station, limits),
+                )
             )
-            for name, window in windows.items()
-        ]  # fmt: skip
-        cells.setdefault(each.position, []).extend(of_windows)
-        tick = each.scanner.distance_tick_m
-        for (first, before), (second, after) in pairwise(cells[each.position]):
-            if second in [name for name, _ in of_windows]:
-                found += check_motion(
-                    before, after, station, tick_m=tick, sigma_m=sigma_m, n_tests=n_pairs,
-                    where=f"position {each.position}, between {first} and {second}",
-                )  # fmt: skip
-    for name, by_position in heights.items():
+    n_windows = sum(map(len, windows.values()))
+    for position, of_position in windows.items():
+        found += _motion(survey.stations[position], of_position, sigma_m, n_windows)
+    for name, by_position in tested.items():
         found += check_origin(
-            list(by_position.values()), scanner_named(name), sigma_m, n_tests=len(heights)
+            list(by_position.values()), scanner_named(name), sigma_m, n_tests=len(tested)
         )
     found += _single_positions(recorded)
     return Checked(tuple(found), tuple(rows))
+
+
+def _motion(
+    station: Station, windows: Sequence[tuple[str, Cells]], sigma_m: float, n_tests: int
+) -> Iterator[Finding]:
+    """Changes between a window and the next at a position, in the same recording or another."""
+    tick_m = scanner_named(station.scanner).distance_tick_m
+    for (first, before), (second, after) in pairwise(windows):
+        yield from check_motion(
+            before, after, station, tick_m=tick_m, sigma_m=sigma_m,
+            n_tests=n_tests,
+            where=f"position {station.position}, between {first} and {second}",
+        )  # fmt: skip
 
 
 def _of_survey(survey: SurveyFiles, limits: Limits, sigma_m: float) -> Iterator[Finding]:

@@ -152,12 +152,24 @@ WARNINGS = {
         ["position P1", "window beginning and sample of_P1, window end", "has turned by 0."]),
     "scanner moved by 2 cm while recording": (
         lambda: moved(RIGHT, 0.0, 0.02), "motion of the scanner", ["window end", "and moved by"]),
+    "something in front of a wall, which is no error of the survey": (
+        lambda: obstructed(RIGHT), "share on the planes", ["of_P2", "(0 % behind it)"]),
     "one position only": (
         lambda: replace(RIGHT, base_site={"P1": RIGHT.base_site["P1"]}),
         "independent check", ["scanner HDL-32E", "two positions or more"]),
     "a base of 3 cm": (
         lambda: small(radius_m=0.03, base_mm=(0.7, 1.0)), "pose", ["farther from each other"]),
 }  # fmt: skip
+
+
+def obstructed(known: Small) -> Small:
+    """Something stands before the scanner, and takes most of the beams to wall 2."""
+    windows = {}
+    for name, window in known.windows["P2"].items():
+        forward = np.cos(window.phi - np.deg2rad(10.0)) > 0.3
+        short = np.where(forward, np.minimum(window.distance_m, 0.9), window.distance_m)
+        windows[name] = replace(window, distance_m=short)
+    return replace(known, windows={**known.windows, "P2": windows})
 
 
 def found(known: Small, severity: str) -> list[tuple[str, str]]:

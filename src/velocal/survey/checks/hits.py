@@ -172,14 +172,16 @@ def check_hits(
     judged = [each for each in seen if each.beams >= n_lasers]
     wrong = [each for each in judged if each.within < LEAST]
     doubtful = [each for each in judged if each.within < USUAL]
-    if wrong or doubtful:
+    # Something may stand in front of a plane, but no beam goes through it.
+    through = any(each.behind > 1.0 - USUAL for each in wrong)
+    if doubtful:
         listed = ", ".join(
             f"{each.plane} {each.within * 100:.0f} % ({each.behind * 100:.0f} % behind it)"
             for each in doubtful
         )
         found.append(
             Finding(
-                "error" if wrong else "warning", SHARE, where,
+                "error" if through else "warning", SHARE, where,
                 f"of the beams that should hit a plane, too few end within {limit} of it: {listed}",
                 allowed=ALLOWED,
                 hint="Something stands in front of the plane, or the survey of the plane or of "
@@ -196,6 +198,18 @@ def check_hits(
             )
         )  # fmt: skip
     return found
+
+
+def missed(seen: Sequence[PlaneHits], n_lasers: int) -> bool:
+    """Tell whether most of the beams that should hit a plane do not end on it.
+
+    Parameters
+    ----------
+    seen : sequence of PlaneHits
+    n_lasers : int
+        Lasers of the scanner; see `check_hits`.
+    """
+    return any(each.beams >= n_lasers and each.within < LEAST for each in seen)
 
 
 @dataclass(frozen=True)

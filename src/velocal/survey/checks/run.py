@@ -23,6 +23,7 @@ from velocal.survey.checks.hits import (
     PlaneHits,
     check_hits,
     explain,
+    missed,
     plane_hits,
 )
 from velocal.survey.checks.misfit import Misfits, check_misfits, check_origin, misfits
@@ -158,7 +159,8 @@ def check_study(
         seen = plane_hits(hits, station.patches, limits)
         of_hits = check_hits(seen, limits, each.scanner.n_lasers, each.where)
         if of_hits:
-            of_hits = _explained(survey, each, together, of_hits, limits)
+            most = missed(seen, each.scanner.n_lasers)
+            of_hits = _explained(survey, each, together, of_hits, limits, most_miss=most)
         found += of_hits
         cells = Cells.of(together, hits, each.factory, station, limits)
         if not len(cells) or any(finding.severity == "error" for finding in of_hits):
@@ -236,13 +238,16 @@ def _explained(
     beams: Beams,
     findings: Sequence[Finding],
     limits: Limits,
+    *,
+    most_miss: bool,
 ) -> list[Finding]:
     """Findings on the beams of a recording, with the mistake that explains them as hint.
 
-    They are errors where that mistake explains far more beams.
+    They are errors where most beams miss a plane (`most_miss`) and a mistake explains it, or where
+    it explains far more beams.
     """
-    if each.scanner.has_factory_file and not each.from_file:
-        return [replace(finding, hint=_NO_FILE) for finding in findings]
+    if most_miss and each.scanner.has_factory_file and not each.from_file:
+        return [replace(finding, severity="error", hint=_NO_FILE) for finding in findings]
     station = survey.stations[each.position]
     others = {
         name: other
@@ -255,13 +260,10 @@ def _explained(
     found = explain(beams, each.factory, station, site, scanner, others, limits)
     if found is None:
         return list(findings)
-    if found.more > _FAR_BETTER:
+    if most_miss or found.more > _FAR_BETTER:
         said = "; ".join(finding.message for finding in findings)
         return [Finding("error", SHARE, each.where, said, allowed=ALLOWED, hint=str(found))]
-    return [
-        replace(finding, hint=str(found)) if finding.severity == "error" else finding
-        for finding in findings
-    ]
+    return list(findings)
 
 
 _NO_FILE = (

@@ -21,8 +21,9 @@ DATUM = {"dl": "m", "alpha": "rad", "v": "rad"}
 #: decides.
 RATIOS = (0.05, 0.3, 1.0, 3.0, 10.0)
 #: A survey whose standard deviation of the mean is below the first number times the spread over
-#: the lasers decides; above the second, the factory's mean stays; in between, in proportion.
-DECIDES, LEAVES = 0.5, 1.0
+#: the lasers decides; above the second, the factory's mean stays; in between, in proportion. For
+#: dl, alpha and v: an error of the pose moves all angles, the distances hardly.
+DECIDES, LEAVES = np.array([0.5, 0.3, 0.3]), np.array([1.0, 0.6, 0.6])
 #: A mean that differs from the factory's by more than the second number times its standard
 #: deviation is believed in any case; by less than the first, not for this reason.
 UNLIKELY, CERTAIN = 3.0, 4.5

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.adjustment.result import CalibrationSet, LaserQuality
 from velocal.adjustment.unit.describe import Description, describe
@@ -18,8 +19,9 @@ from velocal.adjustment.unit.model import (
     range_columns,
     shared_effects,
 )
-from velocal.adjustment.unit.noise import Group, Noise, estimate
+from velocal.adjustment.unit.noise import FIRST_LENGTH, Group, Noise, estimate
 from velocal.adjustment.unit.population import (
+    SHRINKING,
     Integrated,
     Population,
     find_mode,
@@ -38,7 +40,7 @@ from velocal.adjustment.unit.result import (
 )
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import Bins, UnitStation, azimuth_bins
-from velocal.adjustment.unit.sums import Layout, groups_of, sums
+from velocal.adjustment.unit.sums import Layout, Sums, groups_of, sums
 from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
@@ -47,6 +49,8 @@ from velocal.scanner.parameters import LaserParameters
 _QUANTILES = (0.5, 0.05, 0.95)
 #: Assignments after which `readjust` gives up.
 MAX_PASSES = 5
+#: Share of the observations of a laser on a plane that may change in the last assignment.
+UNCHANGED = 0.02
 #: Share of the expected observations that may be missing without a warning.
 MISSING = 0.05
 
@@ -84,40 +88,83 @@ def adjust_unit(
     settings = settings or UnitSettings()
     stations = _checked(stations)
     bins = azimuth_bins(stations, factory, settings.azimuth_bin_rad)
-    lasers, far = len(factory), settings.far_point_m is not None
-    groups = groups_of(bins, lasers, len(stations))
-    x = np.zeros((lasers, len(UNKNOWNS)))
-    errors: Array | None = None
+    x = np.zeros((len(factory), len(UNKNOWNS)))
+    by_survey = np.zeros(len(bins.mean.phi))
     mode: Array | None = None
-    for _ in range(settings.linearisations):
+    for number in range(1, settings.linearisations + 1):
         at = linearise(bins, factory, x, settings.far_point_m)
-        shared = shared_effects(stations, bins, at, settings)
-        layout = Layout(
-            len(stations), tuple(len(s.plane_names) for s in stations), shared.matrix.shape[1]
-        )
-        left = at.z if errors is None else at.z - shared.matrix @ errors
-        noise = estimate([_group(bins, at, left, rows) if len(rows) else None for rows in groups])
-        found = sums(bins, at, shared, noise, layout, groups)
-        population = Population.of(layout, settings)
-        mode = find_mode(population, found, far, mode)
-        mean_range = _mean_range(bins, at, lasers)
-        output = _output(mean_range, settings.far_point_m)
-        survey = {
-            kind: layout.survey.start + shared.columns(kind)
-            for kind in ("pose", "planes", "flatness")
-        }
-
-        def described(posterior: Posterior, values: Array) -> tuple[Description, Array]:
-            return describe(posterior, output, survey), values
-
-        description, _ = described(population.posterior(found, mode, far), population.values(mode))
-        x, errors = description.unknowns, description.common[layout.survey]
+        # What the survey explains of the residuals has a longer correlation than the pattern: the
+        # length is estimated when that has been subtracted.
+        length = FIRST_LENGTH if number < settings.linearisations else None
+        stage = _stage(stations, len(factory), bins, at, at.z - by_survey, settings, length)
+        mode = find_mode(stage.population, stage.sums, mode)
+        if number < settings.linearisations:
+            best = stage.describe(
+                stage.population.posterior(stage.sums, mode), stage.population.values(mode)
+            )
+            x = best.unknowns
+            by_survey = stage.shared.matrix @ best.common[stage.layout.survey]
     assert mode is not None
-    integrated = integrate(population, found, mode, far, settings.integration_points, described)
-    return _result(
-        stations, factory, settings, bins, at, shared, noise, layout, population, integrated,
-        mean_range,
-    )  # fmt: skip
+    integrated = integrate(
+        stage.population, stage.sums, mode, settings.integration_points, stage.describe
+    )
+    return _result(stations, factory, settings, stage, integrated)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """One linearisation, and all that follows before the standard deviations are known."""
+
+    bins: Bins
+    linearised: Linearised
+    shared: Shared
+    noise: Noise
+    layout: Layout
+    sums: Sums
+    population: Population
+    mean_range: Array
+    output: Array
+    survey: Mapping[str, NDArray[np.int64]]
+
+    def describe(self, posterior: Posterior, values: Array) -> Description:
+        """Posterior in the form of a result."""
+        return describe(posterior, values, self.output, self.survey)
+
+
+def _stage(
+    stations: Sequence[UnitStation],
+    lasers: int,
+    bins: Bins,
+    at: Linearised,
+    left: Array,
+    settings: UnitSettings,
+    length: float | None,
+) -> _Stage:
+    """Estimate the noise of what is `left` of the misclosures, and sum the rows."""
+    rows = groups_of(bins, lasers, len(stations))
+    noise = estimate([_group(bins, at, left, r) if len(r) else None for r in rows], length)
+    group = bins.mean.laser_id * len(stations) + bins.mean.station_number
+    weight = 1.0 / (noise.tau[group] ** 2 + noise.omega[group] ** 2 / bins.count)
+    shared = shared_effects(stations, bins, at, settings).reduced(weight)
+    layout = Layout(
+        len(stations), tuple(len(s.plane_names) for s in stations), shared.matrix.shape[1]
+    )
+    mean_range = _mean_range(bins, at, lasers)
+    survey = {
+        kind: layout.survey.start + shared.columns(kind) for kind in ("pose", "planes", "flatness")
+    }
+    return _Stage(
+        bins=bins,
+        linearised=at,
+        shared=shared,
+        noise=noise,
+        layout=layout,
+        sums=sums(bins, at, shared, noise, layout, rows),
+        population=Population.of(layout, settings),
+        mean_range=mean_range,
+        output=_output(mean_range, settings.far_point_m),
+        survey=survey,
+    )
 
 
 def readjust(
@@ -144,29 +191,42 @@ def readjust(
         With a warning where the assignment still changes after `MAX_PASSES`, and for lasers of
         whose expected observations more than `MISSING` are missing.
     """
-    stations = list(assign(factory))
-    for number in range(1, MAX_PASSES + 1):
-        result = replace(adjust_unit(stations, factory, settings), passes=number)
-        again = list(assign(result.calibration.adjusted))
-        if _same(stations, again):
-            return result
-        stations = again
-    return replace(
-        result,
-        warnings=(
-            *result.warnings,
-            f"the assignment of returns to planes still changes after {MAX_PASSES} adjustments",
-        ),
-    )
+    settings = settings or UnitSettings()
+    # Until the assignment is final, the most probable standard deviations are enough.
+    rough = replace(settings, integration_points=1, linearisations=1)
+    stations, changes = list(assign(factory)), True
+    passes = 1
+    while changes and passes < MAX_PASSES:
+        again = list(assign(adjust_unit(stations, factory, rough).calibration.adjusted))
+        changes = not _same(stations, again, len(factory))
+        stations = again if changes else stations
+        passes += changes
+    result = replace(adjust_unit(stations, factory, settings), passes=passes)
+    if not changes:
+        return result
+    told = f"the assignment of returns to planes still changes after {passes} adjustments"
+    return replace(result, warnings=(*result.warnings, told))
 
 
-def _same(first: Sequence[UnitStation], second: Sequence[UnitStation]) -> bool:
-    """Whether two assignments chose the same observations."""
-    return len(first) == len(second) and all(
-        np.array_equal(getattr(a.observations, name), getattr(b.observations, name))
-        for a, b in zip(first, second, strict=True)
-        for name in ("laser_id", "phi", "plane_number")
-    )
+def _same(first: Sequence[UnitStation], second: Sequence[UnitStation], lasers: int) -> bool:
+    """Whether two assignments choose about as many observations of every laser on every plane.
+
+    Single returns at the edges of planes come and go with every small change of the angles. What
+    matters is a laser that was near the limit: it gains many.
+    """
+    for a, b in zip(first, second, strict=True):
+        planes = len(a.plane_names)
+        old, new = (
+            np.bincount(
+                each.observations.laser_id.astype(np.int64) * planes
+                + each.observations.plane_number,
+                minlength=lasers * planes,
+            )
+            for each in (a, b)
+        )
+        if (np.abs(new - old) > UNCHANGED * old + 2).any():
+            return False
+    return True
 
 
 def _checked(stations: Sequence[UnitStation]) -> list[UnitStation]:
@@ -187,7 +247,7 @@ def _checked(stations: Sequence[UnitStation]) -> list[UnitStation]:
     return sorted(stations, key=lambda station: station.name)
 
 
-def _group(bins: Bins, at: Linearised, z: Array, rows: Array) -> Group:
+def _group(bins: Bins, at: Linearised, z: Array, rows: NDArray[np.int64]) -> Group:
     """Input of the estimation of noise; columns of parameters and planes are projected out."""
     plane = bins.mean.plane_number[rows]
     on = (plane[:, None] == np.unique(plane)).astype(np.float64)
@@ -197,7 +257,7 @@ def _group(bins: Bins, at: Linearised, z: Array, rows: Array) -> Group:
 
 
 def _mean_range(bins: Bins, at: Linearised, lasers: int) -> Array:
-    """Mean raw range of the observations of every laser; that of all for a laser without any."""
+    """Mean range of the observations of every laser; that of all for a laser without any."""
     laser = bins.mean.laser_id
     count = np.bincount(laser, bins.count, minlength=lasers)
     total = np.bincount(laser, bins.count * at.range_m, minlength=lasers)
@@ -218,18 +278,12 @@ def _result(
     stations: Sequence[UnitStation],
     factory: LaserParameters,
     settings: UnitSettings,
-    bins: Bins,
-    at: Linearised,
-    shared: Shared,
-    noise: Noise,
-    layout: Layout,
-    population: Population,
-    integrated: Integrated[tuple[Description, Array]],
-    mean_range: Array,
+    stage: _Stage,
+    integrated: Integrated[Description],
 ) -> UnitCalibration:
     """Average the descriptions, and put the result together."""
-    weight = integrated.weight
-    each = [description for description, _ in integrated.found]
+    bins, at, noise, mean_range = stage.bins, stage.linearised, stage.noise, stage.mean_range
+    weight, each = integrated.weight, integrated.found
     lasers, u = each[0].corrections.shape
 
     def mean(values: Sequence[Array]) -> Array:
@@ -240,6 +294,9 @@ def _result(
     spread = np.einsum("p,pku,pkv->kuv", weight, between, between)
     sources = {name: mean([one.sources[name] for one in each]) for name in each[0].sources}
     sources["population"] = spread
+    if len(stations) == 1:
+        sources["shift"] = sources["shift"].copy()
+        sources["shift"][:, 0, 0] += (1.0 - SHRINKING**2) * settings.shift_m**2
     covariance = sum(sources.values())
     prior, means = mean([one.prior for one in each]), mean([one.means for one in each])
     flat = between.reshape(len(weight), -1)
@@ -249,7 +306,7 @@ def _result(
     root = (vectors[:, kept] * np.sqrt(values[kept])).reshape(lasers, u, -1)
 
     common_std = np.stack([np.sqrt(np.diag(one.common_covariance)) for one in each])
-    common, common_std = mean([one.common for one in each]), np.sqrt(mean(list(common_std**2)))
+    common_std = np.sqrt(mean(list(common_std**2)))
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     total = prior.copy()
     total[:, 1:] += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
@@ -277,9 +334,7 @@ def _result(
         calibration, quality=_quality(bins, at, calibration, after, determined, count)
     )
     station_effects = tuple(
-        _station_effect(
-            number, station, bins, shared, layout, each[0], (before, after), count[:, number]
-        )
+        _station_effect(number, station, stage, each[0], (before, after), count[:, number])
         for number, station in enumerate(stations)
     )
     datum = each[0].datum
@@ -302,7 +357,7 @@ def _result(
         determined=determined,
         held=tuple(Held(int(k), NAMES[j], float(determined[k, j])) for k, j in np.argwhere(held)),
         common=parts,
-        population=_population(population, integrated, noise, observed.ravel()),
+        population=_population(stage.population, integrated, noise, observed.ravel()),
         stations=station_effects,
         noise=UnitNoise(
             np.where(observed, noise.tau.reshape(shape), np.nan),
@@ -322,7 +377,7 @@ def _quality(
     calibration: CalibrationSet,
     after: Array,
     determined: Array,
-    count: Array,
+    count: NDArray[np.int64],
 ) -> tuple[LaserQuality, ...]:
     """Quality of every laser in the form of all other adjustments."""
     found = []
@@ -365,28 +420,25 @@ def _quality(
 def _station_effect(
     number: int,
     station: UnitStation,
-    bins: Bins,
-    shared: Shared,
-    layout: Layout,
+    stage: _Stage,
     description: Description,
     misclosures: tuple[Array, Array],
-    count: Array,
+    count: NDArray[np.int64],
 ) -> StationEffect:
+    bins, layout = stage.bins, stage.layout
     errors = description.common[layout.survey]
     covariance = description.common_covariance
     start = layout.survey.start
     place = layout.common_shift.start + number
     own = bins.mean.station_number == number
-    pose = np.zeros(6)
-    pose_covariance = station.survey.pose
+    turn = stage.shared.pose(number)
+    pose = turn @ errors
+    pose_covariance = turn @ covariance[layout.survey, layout.survey] @ turn.T
     corrections = {}
-    for effect in shared.effects:
+    for effect in stage.shared.effects:
         places = np.arange(effect.columns.start, effect.columns.stop)
         block = covariance[np.ix_(start + places, start + places)]
-        if effect.kind == "pose" and effect.station == number:
-            pose = effect.root @ errors[effect.columns]
-            pose_covariance = effect.root @ block @ effect.root.T
-        elif effect.kind == "planes" and effect.station in (-1, number):
+        if effect.kind == "planes" and effect.station in (-1, number):
             to_scanner = np.eye(4) if station.pose is None else station.pose.plane_matrix()
             root = to_scanner @ effect.root
             std = np.sqrt(np.maximum(np.diag(root @ block @ root.T), 0.0))
@@ -421,11 +473,11 @@ def _station_effect(
 
 def _population(
     population: Population,
-    integrated: Integrated[tuple[Description, Array]],
+    integrated: Integrated[Description],
     noise: Noise,
-    observed: Array,
+    observed: NDArray[np.bool_],
 ) -> tuple[Component, ...]:
-    values = np.stack([values for _, values in integrated.found])
+    values = np.stack([one.values for one in integrated.found])
     found = []
     for number, size in enumerate(population.sizes):
         name = "far" if size.name == "scale" and size.unit == "m" else size.name

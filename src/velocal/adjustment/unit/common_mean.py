@@ -19,7 +19,7 @@ from velocal.arrays import Array
 RATIOS = (0.05, 0.3, 1.0, 3.0, 10.0)
 #: A survey whose standard deviation of the mean is below the first number times the spread over
 #: the lasers decides; above the second, the factory's mean stays; in between, in proportion.
-DECIDES, LEAVES = 0.8, 1.2
+DECIDES, LEAVES = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,3 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
     return CommonMean(
         np.asarray(centre), np.asarray(spread_of_mixture), by_survey, by_survey_std, decided
     )
-
-
-def root(matrix: Array) -> Array:
-    """Symmetric root of a positive semi-definite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)

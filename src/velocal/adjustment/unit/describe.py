@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
-from velocal.adjustment.unit.common_mean import CommonMean, common_mean, root
+from velocal.adjustment.unit.common_mean import CommonMean, common_mean
 from velocal.adjustment.unit.marginal import Posterior
-from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN
+from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN, symmetric_root
 from velocal.arrays import Array
 
 #: Places of the means that the pose can imitate, among the common unknowns.
@@ -24,6 +24,8 @@ class Description:
 
     Attributes
     ----------
+    values : ndarray
+        The standard deviations of the unit, in the order of `Population.sizes`.
     unknowns : ndarray, shape (lasers, 6)
         Posterior mean of x, relative to the factory.
     corrections : ndarray, shape (lasers, 3)
@@ -44,6 +46,7 @@ class Description:
     datum : CommonMean
     """
 
+    values: Array
     unknowns: Array
     corrections: Array
     together: Array
@@ -57,13 +60,15 @@ class Description:
 
 
 def describe(
-    posterior: Posterior, output: Array, survey: Mapping[str, NDArray[np.int64]]
+    posterior: Posterior, values: Array, output: Array, survey: Mapping[str, NDArray[np.int64]]
 ) -> Description:
     """Describe a posterior.
 
     Parameters
     ----------
     posterior : Posterior
+    values : ndarray
+        All standard deviations of the unit, in the order of `Population.sizes`.
     output : ndarray, shape (lasers, 3, 6)
         Derivatives of the corrections by the unknowns of a laser.
     survey : mapping of str to ndarray of int
@@ -86,8 +91,8 @@ def describe(
     datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
     gain = np.linalg.solve(block, inverse[_DATUM]).T
     common = posterior.common + gain @ (datum.mean - posterior.common[_DATUM])
-    block_root = root(block)
-    ratio = root(datum.covariance) @ np.linalg.inv(block_root)
+    block_root = symmetric_root(block)
+    ratio = symmetric_root(datum.covariance) @ np.linalg.inv(block_root)
     turn = np.eye(m)
     turn[:, _DATUM] += gain @ (ratio - np.eye(len(_DATUM)))
     # Derivatives of the corrections by the common unknowns, T.
@@ -99,8 +104,7 @@ def describe(
         posterior.common_root, by_common.reshape(-1, m).T, lower=True, check_finite=False
     )
     together = half.T @ half
-    scaled = np.linalg.solve(np.swapaxes(posterior.root, 1, 2), posterior._reduced[1][..., None])
-    own_mean = scaled[..., 0] - slope @ common
+    own_mean = posterior.scaled + slope @ (posterior.common - common)
     unknowns = std[:u] * own_mean[:, :u]
     unknowns[:, :WITH_MEAN] += common[:WITH_MEAN]
     means = np.zeros((lasers, u))
@@ -135,6 +139,7 @@ def describe(
     sources = {"noise": covariance - sum(sources.values())} | sources
     prior = np.einsum("kua,a,kua->ku", output, std[:u] ** 2, output)
     return Description(
+        values=values,
         unknowns=unknowns,
         corrections=np.einsum("kua,ka->ku", output, unknowns),
         together=together,

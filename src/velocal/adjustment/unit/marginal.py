@@ -37,7 +37,7 @@ class Posterior:
     def root(self) -> Array:
         """Lower root of ``I + R X'V^-1X R`` of every laser, shape (lasers, q, q)."""
         scaled = self.std[:, None] * self.sums.xx * self.std
-        return np.linalg.cholesky(np.eye(len(self.std)) + scaled)
+        return np.asarray(np.linalg.cholesky(np.eye(len(self.std)) + scaled))
 
     @cached_property
     def _reduced(self) -> tuple[Array, Array]:
@@ -54,7 +54,7 @@ class Posterior:
         normal[np.diag_indices(len(normal))] += self.common_std**-2.0
         # Where the survey leaves a direction free, rounding must not make M indefinite.
         normal[np.diag_indices(len(normal))] *= 1.0 + 1e-13
-        return np.linalg.cholesky(normal)
+        return np.asarray(np.linalg.cholesky(normal))
 
     @cached_property
     def _right(self) -> Array:
@@ -82,7 +82,7 @@ class Posterior:
     def slope(self) -> Array:
         """Derivative of v by the common unknowns, with the sign changed, (lasers, q, m)."""
         transposed = np.swapaxes(self.root, 1, 2)
-        return np.linalg.solve(transposed, self._reduced[0])
+        return np.asarray(np.linalg.solve(transposed, self._reduced[0]))
 
     @cached_property
     def scaled(self) -> Array:
@@ -95,7 +95,7 @@ class Posterior:
     def own_covariance(self) -> Array:
         """Covariance of v for given common unknowns, (lasers, q, q)."""
         inverse = np.linalg.inv(self.root)
-        return np.swapaxes(inverse, 1, 2) @ inverse
+        return np.asarray(np.swapaxes(inverse, 1, 2) @ inverse)
 
     @cached_property
     def second_moments(self) -> tuple[Array, Array]:

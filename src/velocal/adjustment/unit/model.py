@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ UNKNOWNS = ("dl", "alpha", "v", "scale", "voff", "hoff")
 WITH_MEAN = 4
 #: A surface has at most this number of knots; their distance grows where it would have more.
 MAX_KNOTS = 150
+#: Least information on a direction of relief, whose prior has the information 1.
+LEAST_INFORMATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Linearised:
     towards : ndarray, shape (n,)
         ``n . u``.
     range_m : ndarray, shape (n,)
-        Raw distance that the plane predicts.
+        Distance along the beam to the plane: what the corrected distance should be.
     """
 
     z: Array
@@ -87,7 +89,7 @@ def linearise(
     angles = ("alpha", "v", "voff", "hoff")
     at = factory.corrected({name: x[:, UNKNOWNS.index(name)] for name in angles})
     s, all_columns = data.design(at)
-    range_m = data.distance_m - s
+    range_m = data.distance_m + at.dl[data.laser_id] - s
     matrix = np.empty((len(s), len(UNKNOWNS)))
     for name in angles:
         matrix[:, UNKNOWNS.index(name)] = all_columns[:, ADJUSTABLE.index(name)]
@@ -95,11 +97,10 @@ def linearise(
     own = x[data.laser_id].copy()
     own[:, [0, 3]] = 0.0
     direction, origin = laser_beams(data.phi, data.laser_id, at)
-    length = range_m + at.dl[data.laser_id]
     return Linearised(
         z=-s + np.einsum("ni,ni->n", matrix, own),
         matrix=matrix,
-        point=origin + length[:, None] * direction,
+        point=origin + range_m[:, None] * direction,
         towards=np.einsum("ni,ni->n", direction, data.normal),
         range_m=range_m,
     )
@@ -113,14 +114,15 @@ class Effect:
     ----------
     kind : {"pose", "planes", "flatness"}
     station : int
-        Number of the station; -1 for a plane that several stations share.
+        Number of the station; -1 for what several stations share.
     name : str
         Of the station or the plane.
     columns : slice
         Among all shared unknowns of this module.
     root : ndarray
         What the unknowns are multiplied by to get corrections of pose (6, 6) or plane (4, 3);
-        that of planes is in the site frame where the pose is known. Empty for relief.
+        that of planes is in the site frame where the pose is known. The roots of all stations
+        stand one below the other in what their poses have in common. Empty for relief.
     """
 
     kind: str
@@ -144,6 +146,39 @@ class Shared:
     matrix: Array
     effects: tuple[Effect, ...]
 
+    def pose(self, station: int) -> Array:
+        """Matrix that makes corrections of the pose of a station of all unknowns, (6, m)."""
+        found = np.zeros((6, self.matrix.shape[1]))
+        for effect in self.effects:
+            if effect.kind == "pose" and effect.station == station:
+                found[:, effect.columns] = effect.root
+            elif effect.kind == "pose" and effect.station < 0:
+                found[:, effect.columns] = effect.root[6 * station : 6 * station + 6]
+        return found
+
+    def reduced(self, weight: Array) -> Shared:
+        """Leave out the directions of relief of which the data say nothing.
+
+        The knots of each surface are turned to the eigenvectors of their information. Their prior
+        is 1 in all directions, and remains so.
+
+        Parameters
+        ----------
+        weight : ndarray, shape (n,)
+            Inverse variances of the rows; neglecting their correlation overrates the information.
+        """
+        blocks, effects, used = [], [], 0
+        for effect in self.effects:
+            block = self.matrix[:, effect.columns]
+            if effect.kind == "flatness":
+                values, vectors = np.linalg.eigh((block * weight[:, None]).T @ block)
+                block = block @ vectors[:, values > LEAST_INFORMATION]
+            blocks.append(block)
+            columns = slice(used, used + block.shape[1])
+            effects.append(replace(effect, columns=columns))
+            used = columns.stop
+        return Shared(np.concatenate(blocks, axis=1), tuple(effects))
+
     def columns(self, kind: str) -> NDArray[np.int64]:
         """Numbers of the unknowns of one kind."""
         chosen = [
@@ -156,6 +191,12 @@ def root_of(covariance: Array, rank: int) -> Array:
     """Matrix R with R R' = covariance, shape (u, rank); negative eigenvalues count as zero."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0)))[:, -rank:])
+
+
+def symmetric_root(covariance: Array) -> Array:
+    """Symmetric root of a covariance: of two that are alike, the roots are alike too."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
 
 def shared_effects(
@@ -175,13 +216,26 @@ def shared_effects(
     -------
     Shared
         Sparse in structure, but dense in memory: the rows are means of bins.
+
+    Notes
+    -----
+    The base targets are measured once in the scanner frame, and at every station in the site
+    frame. The error of the former turns and moves the scanner frame by the same amount at all
+    stations, so that more stations do not average it out.
     """
     n, station_of, plane_of = len(at.z), bins.mean.station_number, bins.mean.plane_number
     blocks: list[Array] = []
     effects: list[Effect] = []
     used = 0
 
-    def add(kind: str, station: int, name: str, rows: Array, values: Array, root: Array) -> None:
+    def add(
+        kind: str,
+        station: int,
+        name: str,
+        rows: NDArray[np.int64],
+        values: Array,
+        root: Array,
+    ) -> None:
         nonlocal used
         block = np.zeros((n, values.shape[1]))
         block[rows] = values
@@ -189,13 +243,21 @@ def shared_effects(
         effects.append(Effect(kind, station, name, slice(used, used + values.shape[1]), root))
         used += values.shape[1]
 
+    several = len(stations) > 1
+    common = settings.pose_in_common if several else 0.0
+    together, roots = np.zeros((n, 6)), []
     for number, station in enumerate(stations):
         rows = np.flatnonzero(station_of == number)
-        root = root_of(station.survey.pose, 6)
+        root = symmetric_root(station.survey.pose)
         derivative = by_pose(
             at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
         )
-        add("pose", number, station.name, rows, derivative @ root, root)
+        own = np.sqrt(1.0 - common) * root
+        add("pose", number, station.name, rows, derivative @ own, own)
+        roots.append(np.sqrt(common) * root)
+        together[rows] = derivative @ roots[-1]
+    if several:
+        add("pose", -1, "", np.arange(n), together, np.concatenate(roots))
     # One entry per plane, or per plane and station where its stations do not know their pose.
     members: dict[tuple[int, str], list[tuple[int, int]]] = {}
     for number, station in enumerate(stations):

@@ -11,8 +11,10 @@ from velocal.arrays import Array
 
 #: Correlation lengths that are tried, radians.
 LENGTHS = np.deg2rad([0.3, 0.6, 1.2, 2.4, 4.8, 9.6])
+#: Length before it is estimated, radians.
+FIRST_LENGTH = float(np.deg2rad(1.0))
 #: Groups of bins from which the length is estimated; more would not change it.
-GROUPS_FOR_LENGTH = 20
+GROUPS_FOR_LENGTH = 12
 #: A group with fewer degrees of freedom has the median noise of the unit.
 LEAST_DOF = 12
 #: Logarithmic grid of the standard deviations, relative to the spread of the residuals.
@@ -98,7 +100,7 @@ class Noise:
         """Covariance of the bins of one group, shape (n, n)."""
         found = self.tau[group] ** 2 * correlation(phi, self.length)
         found[np.diag_indices(len(phi))] += self.omega[group] ** 2 / count
-        return found
+        return np.asarray(found)
 
 
 def spectrum(group: Group, length: float) -> Spectrum:
@@ -145,13 +147,15 @@ def _best(of: Spectrum, centre: tuple[float, float] | None) -> tuple[float, floa
     return best
 
 
-def estimate(groups: Sequence[Group | None]) -> Noise:
+def estimate(groups: Sequence[Group | None], length: float | None = None) -> Noise:
     """Estimate the noise of all groups, and the length that they have in common.
 
     Parameters
     ----------
     groups : sequence of Group or None
         None where a laser was not observed at a station.
+    length : float, optional
+        Correlation length where it is known already, radians.
 
     Returns
     -------
@@ -170,7 +174,8 @@ def estimate(groups: Sequence[Group | None]) -> Noise:
         spread = max(float(np.std(np.concatenate(seen))) if seen else 0.0, 1e-3)
         known = np.zeros(len(groups), dtype=bool)
         return Noise(np.full(len(groups), spread), np.full(len(groups), spread), LENGTHS[2], known)
-    length = _length(groups, usable[:: max(1, len(usable) // GROUPS_FOR_LENGTH)])
+    if length is None:
+        length = _length(groups, usable[:: max(1, len(usable) // GROUPS_FOR_LENGTH)])
     spectra = {number: spectrum(_known(groups[number]), length) for number in usable}
     free = np.array([_best(spectra[number], None)[:2] for number in usable])
     centre = float(np.median(free[:, 0])), float(np.median(free[:, 1]))

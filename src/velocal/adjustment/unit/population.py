@@ -31,9 +31,16 @@ SCALES = {
     "v": float(np.deg2rad(0.15)),
     "scale": 1e-3,
     "shift": 0.01,
-    "plane": 0.003,
+    "plane": 0.001,
     "common": 0.005,
 }
+
+
+#: Share of the shift of a laser at a single station that the model knows. A single station cannot
+#: tell the shift from dl: if the lasers do not shift, shrinking dl by the whole of it would do
+#: harm; if they do, by half of it is nearly as good as by the whole. The stated covariance
+#: contains the whole.
+SHRINKING = 0.5
 
 
 @dataclass(frozen=True)
@@ -69,10 +76,13 @@ class Population:
     ----------
     layout : Layout
     sizes : tuple of Size
+    far : bool
+        Whether the scale is the correction at a far point, metres.
     """
 
     layout: Layout
     sizes: tuple[Size, ...]
+    far: bool
 
     @classmethod
     def of(cls, layout: Layout, settings: UnitSettings) -> Population:
@@ -85,22 +95,21 @@ class Population:
             unit = "m" if name in ("dl", "voff", "hoff") or (far and name == "scale") else "rad"
             unit = "1" if name == "scale" and not far else unit
             own = np.array([place])
-            if name in ("voff", "hoff"):
-                sizes.append(Size(name, unit, settings.offset_m, True, own, none))
-            elif name in prior:
+            if name in prior:
                 sizes.append(Size(name, unit, prior[name], True, own, none))
             else:
-                scale = settings.far_std_m if far and name == "scale" else SCALES[name]
+                scales = SCALES | {"voff": settings.offset_m, "hoff": settings.offset_m}
+                scale = settings.far_std_m if far and name == "scale" else scales[name]
                 sizes.append(Size(name, unit, scale, False, own, none))
         shifts = np.array([layout.shift(p) for p in range(layout.stations)])
         planes = np.concatenate([np.r_[layout.plane(p)] for p in range(layout.stations)])
         common = np.r_[layout.common_shift]
         one = layout.stations == 1
-        shift, both = settings.shift_m, settings.common_shift_m
+        shift, both = SHRINKING * settings.shift_m, settings.common_shift_m
         sizes.append(Size("shift", "m", shift if one else SCALES["shift"], one, shifts, none))
         sizes.append(Size("plane", "m", SCALES["plane"], False, planes.astype(np.int64), none))
         sizes.append(Size("common", "m", both if one else SCALES["common"], one, none, common))
-        return cls(layout, tuple(sizes))
+        return cls(layout, tuple(sizes), far)
 
     @property
     def learnt(self) -> list[Size]:
@@ -114,18 +123,18 @@ class Population:
             found[number] = size.scale if size.fixed else next(free)
         return found
 
-    def posterior(self, sums: Sums, log: Array, far: bool) -> Posterior:
+    def posterior(self, sums: Sums, log: Array) -> Posterior:
         """Posterior for the logarithms of the learnt standard deviations."""
         std, common = np.ones(self.layout.own), np.ones(self.layout.common)
         for place, name in enumerate(UNKNOWNS[:WITH_MEAN]):
-            common[place] = 0.01 if far and name == "scale" else MEAN_STD[name]
+            common[place] = 0.01 if self.far and name == "scale" else MEAN_STD[name]
         for size, value in zip(self.sizes, self.values(log), strict=True):
             std[size.own] = value
             common[size.common] = value
         return Posterior(sums, std, common)
 
     def minus_2_log_prior(self, log: Array) -> tuple[float, Array]:
-        """Minus twice the log density of the logarithms under the half-t prior, and its gradient."""
+        """Minus twice the log density of the logarithms under the hyperprior, and its gradient."""
         scales = np.array([size.scale for size in self.learnt])
         ratio = np.exp(2.0 * log) / (_DOF * scales**2)
         value = (_DOF + 1.0) * np.log1p(ratio).sum() - 2.0 * log.sum()
@@ -154,7 +163,7 @@ class Integrated(Generic[Found]):
     found: tuple[Found, ...]
 
 
-def find_mode(population: Population, sums: Sums, far: bool, start: Array | None = None) -> Array:
+def find_mode(population: Population, sums: Sums, start: Array | None = None) -> Array:
     """Most probable logarithms of the learnt standard deviations."""
     learnt = population.learnt
     if not learnt:
@@ -164,7 +173,7 @@ def find_mode(population: Population, sums: Sums, far: bool, start: Array | None
     common_members = [size.common for size in learnt]
 
     def value(log: Array) -> tuple[float, Array]:
-        posterior = population.posterior(sums, log, far)
+        posterior = population.posterior(sums, log)
         prior, slope = population.minus_2_log_prior(log)
         gradient = posterior.gradient(members, common_members)
         return posterior.minus_2_log + prior, gradient + slope
@@ -182,7 +191,6 @@ def integrate(
     population: Population,
     sums: Sums,
     mode: Array,
-    far: bool,
     points: int,
     describe: Callable[[Posterior, Array], Found],
 ) -> Integrated[Found]:
@@ -194,8 +202,6 @@ def integrate(
     sums : Sums
     mode : ndarray
         See `find_mode`.
-    far : bool
-        Whether there is a far point.
     points : int
         1 for the mode alone.
     describe : callable
@@ -204,19 +210,19 @@ def integrate(
     """
     learnt = population.learnt
     if not learnt or points == 1:
-        at_mode = describe(population.posterior(sums, mode, far), population.values(mode))
+        at_mode = describe(population.posterior(sums, mode), population.values(mode))
         return Integrated(mode[None], np.ones(1), np.zeros((len(learnt),) * 2), (at_mode,))
     members = [size.own for size in learnt]
     common_members = [size.common for size in learnt]
 
     def gradient(log: Array) -> Array:
-        posterior = population.posterior(sums, log, far)
+        posterior = population.posterior(sums, log)
         return posterior.gradient(members, common_members) + population.minus_2_log_prior(log)[1]
 
     step, d = 0.1, len(mode)
-    hessian = np.stack(
-        [(gradient(mode + e) - gradient(mode - e)) / (2.0 * step) for e in step * np.eye(d)]
-    )
+    # At the mode itself the gradient is zero, except where a limit of the search was reached.
+    here = gradient(mode)
+    hessian = np.stack([(gradient(mode + e) - here) / step for e in step * np.eye(d)])
     values, vectors = np.linalg.eigh(0.25 * (hessian + hessian.T))
     # Of the half-t prior alone the logarithm has a standard deviation near 1.
     spread = vectors / np.sqrt(np.maximum(values, 0.5))
@@ -228,7 +234,7 @@ def integrate(
     log = mode + normal @ spread.T
     found, target = [], np.empty(len(log))
     for number, each in enumerate(log):
-        posterior = population.posterior(sums, each, far)
+        posterior = population.posterior(sums, each)
         found.append(describe(posterior, population.values(each)))
         target[number] = posterior.minus_2_log + population.minus_2_log_prior(each)[0]
     exponent = 0.5 * ((normal**2).sum(axis=1) - target)

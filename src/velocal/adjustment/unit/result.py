@@ -134,7 +134,7 @@ class StationEffect:
 
     @property
     def pose_in_std(self) -> float:
-        """Length of the correction of the pose in units of its prior: near the root of 6 at most."""
+        """Length of the correction of the pose in units of its prior; about 2.4 at most."""
         values, vectors = np.linalg.eigh(self.pose_prior)
         kept = values > 1e-12 * max(float(values[-1]), 1e-300)
         if not kept.any():
@@ -204,9 +204,10 @@ class UnitCalibration:
     stations : tuple of StationEffect
     noise : UnitNoise
     mean_range_m : ndarray, shape (lasers,)
-        Mean raw range of the observations of every laser, at which its dl holds.
+        Mean range of the observations of every laser, at which its dl holds: the distance along
+        the beam to the plane, not the raw one.
     range_limits_m : tuple of float
-        Shortest and longest raw range that was observed.
+        Shortest and longest range that was observed.
     far_point_m : float or None
         Range at which the correction of the distance has faded to zero.
     passes : int
@@ -247,7 +248,7 @@ class UnitCalibration:
         Parameters
         ----------
         range_m : ndarray, shape (n,)
-            Raw ranges, metres.
+            Ranges along the beam (corrected distances), metres.
 
         Returns
         -------
@@ -262,12 +263,13 @@ class UnitCalibration:
         return np.asarray(left / (self.far_point_m - self.mean_range_m)[:, None])
 
     def near_correction(self, range_m: Array) -> Array:
-        """Correction of the distance of every laser at some raw ranges, metres, (lasers, n).
+        """Correction of the distance of every laser at some ranges, metres, (lasers, n).
 
         Parameters
         ----------
         range_m : ndarray, shape (n,)
-            Raw ranges, metres; 2.4 and 1.93 for the near points of a two-point file.
+            Ranges along the beam (corrected distances), metres; 2.4 and 1.93 for the near points
+            of a two-point file.
         """
         dl = self.calibration.corrections[:, NAMES.index("dl")]
         return np.asarray(dl[:, None] * self.range_factor(range_m))

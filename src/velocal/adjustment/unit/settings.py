@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from velocal.errors import VelocalError
+from velocal.scanner.models import Scanner
+from velocal.scanner.parameters import TWO_POINT, LaserParameters
 
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
-LEARNT = ("dl", "alpha", "v", "scale")
+LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
+#: Range at which the factory measures the distance correction of an HDL-64E (manual), metres.
+FAR_POINT_M = 25.04
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,18 +37,22 @@ class UnitSettings:
         radians, 1. What is not given is learnt from the unit; None where all are.
     shift_m : float
         Standard deviation of the shift that the distances of one laser have at one station,
-        metres. It is used where there is one station only; otherwise it is estimated.
+        metres. It is used where there is one station only, which cannot show it; otherwise it is
+        estimated.
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
     offset_m : float
-        Standard deviation of the errors of `voff` and `hoff`, metres. They are not corrected,
-        but their errors would otherwise be read as angles.
+        Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
+        corrected, but their errors would otherwise be read as angles.
     far_point_m : float or None
-        Range at which the distance correction of the factory holds, metres (25.04 for scanners
-        with a two-point file). The correction of the distance fades to zero there. None for a
-        correction that is the same at all ranges.
+        Range along the beam at which the distance correction of the factory holds, metres (25.04
+        for scanners with a two-point file). The correction of the distance fades to zero there.
+        None for a correction that is the same at all ranges.
     far_std_m : float
         Scale of the hyperprior of the error that the factory's correction has at the far point.
+    pose_in_common : float
+        Share of the variance of a pose that all stations have in common, because the base targets
+        are measured only once in the scanner frame.
     hold_below : float
         A parameter of a laser of which the data decide less than this share is not changed.
     integration_points : int
@@ -61,22 +69,65 @@ class UnitSettings:
     prior: Mapping[str, float] | None = None
     shift_m: float = 0.005
     common_shift_m: float = 0.005
-    offset_m: float = 0.002
+    offset_m: float = 0.0007
     far_point_m: float | None = None
     far_std_m: float = 0.01
+    pose_in_common: float = 0.4
     hold_below: float = 0.1
     integration_points: int = 33
     linearisations: int = 2
 
+    @classmethod
+    def recommended(
+        cls,
+        scanner: Scanner,
+        *,
+        prior: Mapping[str, float] | None = None,
+        factory: LaserParameters | None = None,
+    ) -> UnitSettings:
+        """Settings for a scanner.
+
+        Parameters
+        ----------
+        scanner : Scanner
+            Distances of units that the factory measures one by one (HDL-64E) shift by about 1 cm
+            from recording to recording, those of the others by 1.3 mm.
+        prior : mapping of str to float, optional
+            See `UnitSettings`.
+        factory : LaserParameters, optional
+            Parameters that are corrected. If they say that the file has no two-point
+            correction, there is no far point.
+
+        Examples
+        --------
+        >>> UnitSettings.recommended(SCANNERS["HDL-64E"]).far_point_m
+        25.04
+        """
+        own_file = scanner.has_factory_file
+        two_point = own_file
+        if factory is not None and TWO_POINT in factory.carried:
+            two_point = bool(np.any(factory.carried[TWO_POINT] > 0.0))
+        return cls(
+            prior=prior,
+            shift_m=0.01 if own_file else 0.0013,
+            far_point_m=FAR_POINT_M if two_point else None,
+        )
+
     def __post_init__(self) -> None:
         """Check that all sizes are positive, and that the prior names what has one."""
         for name, value in vars(self).items():
-            if name in ("prior", "hold_below") or value is None:
+            if name in ("prior", "hold_below", "pose_in_common") or value is None:
                 continue
             if not value > 0.0:
                 raise VelocalError(
                     f"{name} is {value}", where="settings of a unit", allowed="more than 0"
                 )
+        if not 0.0 <= self.pose_in_common < 1.0:
+            raise VelocalError(
+                f"pose_in_common is {self.pose_in_common}",
+                where="settings of a unit",
+                allowed="from 0 to less than 1",
+            )
         for name, value in (self.prior or {}).items():
             if name not in LEARNT or not value > 0.0:
                 raise VelocalError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,7 @@ def azimuth_bins(
     VelocalError
         If an observation is of a laser that the parameters lack, or is not finite.
     """
-    parts: list[tuple[Array, ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for number, station in enumerate(stations):
         data = station.observations
         n = len(data.phi)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -102,7 +103,7 @@ def groups_of(bins: Bins, lasers: int, stations: int) -> list[NDArray[np.int64]]
     key = bins.mean.laser_id * stations + bins.mean.station_number
     # Bins are sorted by laser and station.
     edges = np.searchsorted(key, np.arange(lasers * stations + 1))
-    return [np.arange(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [np.arange(a, b) for a, b in itertools.pairwise(edges)]
 
 
 def sums(

@@ -16,10 +16,11 @@ NIST := $(VENV)/nist
 UNPACKED := $(NIST)/.unpacked
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --compile
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
+CHECK_PAGES := $(BIN)/python -m velocal.reporting.pages --check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results coverage seeds field test lint nist lock clean
+.PHONY: help setup results coverage seeds pages field test lint nist lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -27,12 +28,19 @@ help: ## show this list
 
 results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
 	$(RUN) snakemake --cores $(CORES)
+	@$(CHECK_PAGES) "make results"
 
 coverage: $(INSTALLED) ## check how often stated intervals contain the simulated truth: results/methods/coverage.csv
 	$(RUN) snakemake --cores $(CORES) coverage
+	@$(CHECK_PAGES) "make coverage"
 
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
 	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv
+	@$(CHECK_PAGES) "make seeds"
+
+pages: $(INSTALLED) ## make all results that README.md and docs/ show, and write their numbers there
+	$(RUN) snakemake --cores $(CORES) all coverage results/seeds/agreement.csv
+	@$(BIN)/python -m velocal.reporting.pages
 
 field: $(INSTALLED) ## run the workflow on recordings without a survey: config/unsurveyed.yaml
 	$(RUN) snakemake --cores $(CORES) --configfile config/unsurveyed.yaml

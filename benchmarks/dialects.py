@@ -5,7 +5,6 @@ Usage: python benchmarks/dialects.py CALIBRATION... [--write]
 The calibrations are of HDL-64E; --write puts the tables into the document.
 """
 
-import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +14,11 @@ import numpy as np
 from velocal.calibration.convert import RANGES_M, convert, for_program, max_point_distance
 from velocal.calibration.dialects import DIALECTS, MANUAL, PAPER
 from velocal.calibration.files import formats
+from velocal.io.markup import inserted
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 
 DOC = Path(__file__).parents[1] / "docs/dialects.md"
-MARK = "<!-- {}: made by benchmarks/dialects.py -->"
 
 
 def row(*cells: str) -> str:
@@ -76,17 +75,6 @@ def tables(paths: list[Path]) -> dict[str, str]:
     if paths:
         found["differences"] = "\n\n".join(differences(path) for path in paths)
     return found
-
-
-def inserted(text: str, name: str, table: str) -> str:
-    """The document with a table between its marks."""
-    start, end = MARK.format(name), MARK.format(f"end of {name}")
-    return re.sub(
-        f"{re.escape(start)}.*?{re.escape(end)}",
-        lambda _: f"{start}\n\n{table}\n\n{end}",
-        text,
-        flags=re.DOTALL,
-    )
 
 
 if __name__ == "__main__":

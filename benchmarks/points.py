@@ -1,6 +1,8 @@
 """Seconds of recording that `velocal points` writes per second of processor, by format.
 
-Usage: python benchmarks/points.py [rotations]      (default 100: an HDL-64E at 10 Hz, simulated)
+Usage: python benchmarks/points.py [rotations] [--write]   (default 100: a simulated HDL-64E, 10 Hz)
+
+--write puts the table into docs/how-to.md.
 
 velodyne-decoder decodes the same packets in the same run, without writing anything.
 """
@@ -17,6 +19,7 @@ import velodyne_decoder as vd
 import yaml
 
 from velocal.calibration.files import formats
+from velocal.io.markup import inserted, markdown_table
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import Settings, stream
 from velocal.recording.scan import inspect
@@ -24,6 +27,7 @@ from velocal.scanner.models import SCANNERS
 from velocal.simulation import capture, truth, world
 
 ROOT = Path(__file__).parents[1]
+DOC = ROOT / "docs/how-to.md"
 
 
 def best(work: Callable[[], int], rounds: int = 3) -> tuple[int, float]:
@@ -58,8 +62,8 @@ def ours(path: Path, settings: Settings, out: Path | None) -> int:
     return number
 
 
-def main(rotations: int) -> None:
-    """Print a line per format."""
+def main(rotations: int) -> list[list[str]]:
+    """Print a line per format; return what, times real time and times velodyne-decoder."""
     simulated = world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text()))
     scanner = SCANNERS["HDL-64E"]
     factory = truth.factory_parameters(simulated, scanner.name)
@@ -90,7 +94,7 @@ def main(rotations: int) -> None:
         )
         cases["velocal, .ply with shift"] = lambda: ours(path, with_shift, folder / "o.ply")
         print(f"{seconds:.1f} s of recording, {path.stat().st_size / 1e6:.0f} MB")
-        reference = None
+        reference, rows = None, []
         for label, work in cases.items():
             points, took = best(work)
             reference = reference or took
@@ -98,7 +102,14 @@ def main(rotations: int) -> None:
                 f"{label:36s} {points / 1e6:6.2f} M points {took:6.2f} s "
                 f"{seconds / took:6.1f} x real time {reference / took:6.2f} x velodyne-decoder"
             )
+            rows.append([label, f"{seconds / took:.1f}", f"{reference / took:.1f}"])
+    return rows
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    given = [int(each) for each in sys.argv[1:] if each != "--write"]
+    found = main(*given or [100])
+    if "--write" in sys.argv:
+        headings = ["", "x real time", "x velodyne-decoder"]
+        table = "\n".join(markdown_table(headings, found, [False, True, True]))
+        DOC.write_text(inserted(DOC.read_text(encoding="utf-8"), "points", table), "utf-8")

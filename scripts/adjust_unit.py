@@ -50,7 +50,11 @@ def main(
         beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
         recordings.append((beams, stations[position]))
     found = calibrate_unit(
-        recordings, factory, settings=joint.settings(known), limits=limits.metric()
+        recordings,
+        factory,
+        settings=joint.settings(known),
+        limits=limits.metric(),
+        near_points=joint.near_points,
     )
     sources = {
         "medians": ["/".join(path.parts[-2:]) for path in medians],

@@ -12,6 +12,7 @@ from velocal.io.scripts import run
 from velocal.reporting.figures import methods as comparison
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
+from velocal.scanner.parameters import nominal
 from velocal.study.adjustment import Adjustment
 from velocal.survey.station import read_station
 
@@ -49,10 +50,12 @@ def main(
         [methods.SampleData(stood[name], windows[name]) for name in names]
         for names in (calibrate_on, check_on)
     )
-    factory = formats.read_or_nominal(calibration, scanner_named(scanner))
+    known_scanner = scanner_named(scanner)
+    factory = formats.read_or_nominal(calibration, known_scanner)
     true = formats.read(truth, len(factory)) if truth else None
     stochastic, sigma_m = adjustment.stochastic(), sigma_cm * 1e-2
-    numbers = pd.DataFrame(methods.compare(known, other, factory, stochastic, sigma_m, true))
+    rows = methods.compare(known, other, factory, stochastic, sigma_m, true, nominal(known_scanner))
+    numbers = pd.DataFrame(rows)
     storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)
     storage.write_text(md, text)

@@ -8,8 +8,10 @@ import pandas as pd
 from pydantic import TypeAdapter
 
 from velocal.calibration.files.formats import read_or_nominal
+from velocal.evaluation.certificate import Certificate
 from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
+from velocal.io.plain import from_plain
 from velocal.io.scripts import run
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
@@ -30,17 +32,20 @@ def main(
     *,
     ledgers: list[Path],
     agreement: Path | None,
+    claims: Path | None,
     summary: Path | None,
     surveys: list[Path],
     sets: list[Path],
     pictures: list[Path],
     numbers: list[Path],
+    certificate: Path | None,
     methods_csv: Path | None,
     methods_png: Path | None,
     field_table: Path | None,
     field_pictures: list[Path],
     outdoor: Path | None,
     outdoor_pictures: list[Path],
+    outdoor_numbers: list[Path],
     report_html: Path,
     title: str,
     simulated: bool,
@@ -53,14 +58,14 @@ def main(
     set_scanners: list[str],
     set_names: list[str],
     field_samples: list[str],
-    outdoor_figures: list[str],
+    outdoor_figures: Mapping[str, list[str]],
 ) -> None:
     """Write the report; whatever is missing or empty has no section.
 
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
     `numbers` of `figures`, `sets` of `set_scanners` and `set_names`, `factories` of
     `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
-    `field_samples`, `outdoor_pictures` of `outdoor_figures`.
+    `field_samples`, `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
     """
     known = dict(zip(factory_scanners, factories, strict=True))
     columns: dict[str, dict[str, Any]] = {}
@@ -74,6 +79,7 @@ def main(
         tables=tables,
         summary=_optional(summary),
         agreement=_optional(agreement),
+        claims=_optional(claims),
         figures=[
             report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
             for (number, selection), png, csv in drawn
@@ -83,14 +89,23 @@ def main(
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
+        certificates=[
+            from_plain(Certificate, each, str(certificate))
+            for each in storage.read_json(certificate)["certificates"]
+        ]
+        if certificate
+        else [],
         methods=_optional(methods_csv),
         methods_png=methods_png.read_bytes() if methods_png else b"",
         field_table=_optional(field_table),
         field_pictures=dict(zip(field_samples, map(Path.read_bytes, field_pictures), strict=True)),
         outdoor=_optional(outdoor),
-        outdoor_pictures=dict(
-            zip(outdoor_figures, map(Path.read_bytes, outdoor_pictures), strict=True)
-        ),
+        outdoor_figures=[
+            report.OutdoorFigure(number, kind, on, _frame(csv), png.read_bytes())
+            for (number, (kind, on)), png, csv in zip(
+                outdoor_figures.items(), outdoor_pictures, outdoor_numbers, strict=True
+            )
+        ],
     )
     storage.write_text(report_html, report.render(study))
 

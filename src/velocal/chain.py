@@ -18,7 +18,8 @@ from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.adjust import adjust_unit, readjust
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
-from velocal.arrays import joined_rows
+from velocal.arrays import Array, joined_rows
+from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
 from velocal.reduction.assignment import Limits, assigned_rows
@@ -198,6 +199,7 @@ def calibrate_unit(
     *,
     settings: UnitSettings | None = None,
     limits: Limits | None = None,
+    near_points: bool = True,
 ) -> JudgedCalibration:
     """Calibrate a scanner on all its stations: lasers, poses and planes are adjusted together.
 
@@ -212,6 +214,9 @@ def calibrate_unit(
         What is known beforehand; nothing has to be.
     limits : Limits, optional
         What a median must satisfy to belong to a plane; `Limits()` if left out.
+    near_points : bool
+        Whether the near-point corrections of the factory's file, if it has any, are part of what
+        is corrected. The paper leaves them out.
 
     Returns
     -------
@@ -235,6 +240,8 @@ def calibrate_unit(
     >>> found.unit.calibration.names
     ('dl', 'alpha', 'v')
     """
+    if near_points:
+        recordings = [(_with_near_points(beams, factory), station) for beams, station in recordings]
 
     def adjusted(stations: Sequence[UnitStation]) -> LaserParameters:
         return adjust_unit(stations, factory, settings).calibration.adjusted
@@ -243,7 +250,26 @@ def calibrate_unit(
         return unit_stations(recordings, parameters, limits)
 
     unit = readjust(assign, factory, settings)
-    return JudgedCalibration(unit, hold_out(assign(unit.calibration.adjusted), factory, adjusted))
+    stations = assign(unit.calibration.adjusted)
+    near_m = np.zeros(len(factory))
+    if near_points:
+        near_m = _mean_near_effect(stations, factory)
+    return JudgedCalibration(unit, hold_out(stations, factory, adjusted), near_m)
+
+
+def _with_near_points(beams: Beams, factory: LaserParameters) -> Beams:
+    """Distances as the factory's file corrects them at short range, without its dl."""
+    effect = near_effect(beams.distance_m, beams.phi, beams.laser_id, factory)
+    return replace(beams, distance_m=beams.distance_m + effect)
+
+
+def _mean_near_effect(stations: Sequence[UnitStation], factory: LaserParameters) -> Array:
+    """Mean over the observations of every laser of what the near points add, shape (lasers,)."""
+    data = joined_rows([station.observations for station in stations])
+    # The effect changes by millimetres per metre, so that it may be taken at the corrected range.
+    effect = near_effect(data.distance_m, data.phi, data.laser_id, factory)
+    count = np.bincount(data.laser_id, minlength=len(factory))
+    return np.bincount(data.laser_id, effect, len(factory)) / np.maximum(count, 1)
 
 
 def residuals(

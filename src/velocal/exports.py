@@ -85,9 +85,11 @@ def as_file(
             "hold_out": found.hold_out.verdict.value,
             "ranges_m": list(found.unit.range_limits_m),
         }
-        found = found.unit.calibration
+        parameters, found = found.single, found.unit.calibration
+    else:
+        parameters = found.adjusted
     return CalibrationFile(
-        found.adjusted,
+        parameters,
         "paper",
         scanner.name,
         scanner.distance_tick_m,
@@ -200,13 +202,17 @@ def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> La
     factory, adjusted = unit.calibration.initial, unit.calibration.adjusted
     if not found.recommended:
         return convert(factory, MANUAL, target, inexact=True)
-    if unit.far_point_m is None or (distance == "single" and not fades(dialect)):
-        return for_program(adjusted, dialect)
-    if not fades(dialect):
-        kept = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
-        return convert(kept, MANUAL, target, inexact=True)
-    near = factory.dl[:, None] + unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M]))
-    carried = {**factory.carried, **dict(zip(NEAR_POINT, near.T, strict=True))}
-    carried[TWO_POINT] = np.ones(len(factory))
-    moved = replace(factory, alpha=adjusted.alpha, v=adjusted.v, carried=carried)
+    if unit.far_point_m is None:
+        return for_program(found.single, dialect)
+    given = MANUAL.near(factory)
+    # Near points of the factory that were left out must not be replaced: they may be right.
+    replaceable = bool(found.near_m.any() or all((each == factory.dl).all() for each in given))
+    moved = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
+    if fades(dialect) and replaceable:
+        change = unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M])).T
+        near = (old + new for old, new in zip(given, change, strict=True))
+        carried = {**factory.carried, **dict(zip(NEAR_POINT, near, strict=True))}
+        moved = replace(moved, carried={**carried, TWO_POINT: np.ones(len(factory))})
+    elif distance == "single" and not fades(dialect):
+        return for_program(found.single, dialect)
     return convert(moved, MANUAL, target, inexact=True)

@@ -100,6 +100,22 @@ def test_covariance_of_the_inverse():
     )
 
 
+def test_accuracy_of_the_origin_does_not_depend_on_the_place_of_the_source_frame():
+    """A scanner is as accurate as its targets, however far away the site frame begins."""
+    targets = np.array([[0.3, 0, 0], [-0.3, 0.1, 0], [0, 0.3, 0.2], [0, -0.2, -0.1]])
+    covariance = 1e-6 * np.eye(12)
+    stated = []
+    for far in (0.0, 1.0, 100.0):
+        rotation = rotation_from_vector(np.array([0.1, 0.2, 1.5]))
+        source = (targets - far * np.array([1.0, -2.0, 0.5])) @ rotation
+        pose = adjust_rigid(source, targets, covariance, covariance).transformation
+        turned = pose.rotation @ pose.inverse().covariance[3:, 3:] @ pose.rotation.T
+        np.testing.assert_allclose(pose.origin_std_m(), np.sqrt(np.diag(turned)), rtol=1e-6)
+        stated.append(pose.origin_std_m())
+    np.testing.assert_allclose(stated, np.tile(stated[0], (3, 1)), rtol=1e-5)
+    assert 0.0005 < min(stated[0]) < max(stated[0]) < 0.0012
+
+
 # -- adjustment of a transformation -------------------------------------------------------
 
 SOURCE = np.array(

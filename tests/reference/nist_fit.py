@@ -1,6 +1,7 @@
 """Solutions of NIST's sets by the library's linear algebra and by SciPy, and their digits.
 
-From the shell: ``python tests/reference/nist_fit.py > docs/nist.md`` (after ``make nist``).
+From the shell, after ``make nist``: ``python tests/reference/nist_fit.py`` prints the tables of
+docs/nist.md; with ``--write`` it puts them there.
 """
 
 from __future__ import annotations
@@ -18,6 +19,10 @@ if __name__ == "__main__":
 
 from reference import nist, nist_solve
 from reference.nist_solve import MAX_ITERATIONS
+
+from velocal.io.markup import inserted
+
+DOC = Path(__file__).parents[2] / "docs/nist.md"
 
 
 @dataclass(frozen=True)
@@ -107,51 +112,20 @@ def table(problems: list[nist.Problem]) -> list[str]:
     return rows
 
 
-HEAD = """# Digits reached in NIST's reference data sets
-
-The Statistical Reference Datasets of NIST: 11 linear sets, and 27 nonlinear ones of all three
-levels of difficulty, each from both starts. What is tested of the library:
-
-- Linear sets go through its iteration (`velocal.adjustment.core`) and its ordinary least squares
-  (`velocal.adjustment.solvers`, `linear`) without a prior. Added for the test: the solution is
-  refined in extended precision, which Wampler5 needs.
-- Nonlinear sets go through the same linear algebra, at every step of a Levenberg-Marquardt
-  iteration that belongs to the test (`tests/reference/nist_solve.py`). The library has none: an
-  adjustment of a scanner starts near its solution, and Gauss-Newton steps are enough.
-
-An entry is "digits of the worst parameter / of the worst standard deviation": minus log10 of the
-relative error, at most 15 (of the error itself where zero is certified: the standard deviations of
-Wampler1 and Wampler2). NIST certifies 11 digits of the nonlinear sets; the linear ones, started at
-zero, are compared with least squares in rational numbers, which agrees with all that NIST prints.
-A dash: not one digit.
-
-`tests/reference/test_nist.py` asks for 6 digits of every parameter and 4 of every standard
-deviation, and gets them, with one exception: **the standard deviations of Lanczos1**, of which
-about three digits are reached. Its data have no noise: the certified residuals are 8e-14 of values
-up to 2.5, that is a few hundred roundings of a double, and standard deviations are proportional to
-them. SciPy's are no better.
-
-For comparison SciPy, from the same starts: `least_squares` with the same derivatives,
-`x_scale="jac"`, tolerances of 1e-15 and at most %d evaluations, by its methods `trf` and `lm`; and
-`curve_fit` with nothing set. Last digits depend on the processor and on the linear algebra that
-NumPy uses.
-
-The sets come from the source distributions of lmfit (nonlinear) and reductus (linear), which
-`make nist` downloads, and from SciPy (Norris); NoInt2 and Longley stand in
-`tests/reference/nist.py`. This page is made by `python tests/reference/nist_fit.py > docs/nist.md`.
-"""
-
-
 def main() -> None:
-    """Print the page."""
+    """Print the tables, or write them into the page."""
     warnings.simplefilter("ignore")
-    linear = table([nist.linear(name) for name in nist.LINEAR])
-    nonlinear = table([nist.nonlinear(name) for name in nist.MODELS])
-    print(
-        "\n".join(
-            [HEAD % MAX_ITERATIONS, "## Linear", "", *linear, "", "## Nonlinear", "", *nonlinear]
-        )
-    )
+    page = DOC.read_text(encoding="utf-8")
+    problems = {
+        "nist_linear": [nist.linear(name) for name in nist.LINEAR],
+        "nist_nonlinear": [nist.nonlinear(name) for name in nist.MODELS],
+    }
+    for name, of in problems.items():
+        rows = "\n".join(table(of))
+        print(rows)
+        page = inserted(page, name, rows)
+    if "--write" in sys.argv:
+        DOC.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ FILES = (
 ROUNDING = {"rms_cm": 2e-3, "pooled_rms_cm": 2e-3, "complies_zero": 1, "complies_mean": 1}
 ROUNDING |= {"within_1sigma_pct": 0.2, "within_3sigma_pct": 0.2, "count": 3, "std_cm": 2e-3}
 ROUNDING |= {"dl_m": 1e-5, "alpha_rad": 1e-6, "v_rad": 1e-6}
+ROUNDING |= {"dl_std_m": 1e-5, "alpha_std_rad": 1e-6, "v_std_rad": 1e-6}
 LAST_DIGIT = {"std_cm": 0.011}
 
 #: Columns that say what a row is about, and have to be equal.

@@ -50,6 +50,8 @@ def make_tiny(folder: Path) -> None:
         "5": {"scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
     }
     config["figures"] = {
+        "07": {"kind": "residual"},
+        "10": {"kind": "procedure"},
         "11": {"kind": "plan", "scanner": "HDL-64E", "samples": ["sa3"]},
         "13": {"kind": "std", "scanner": "HDL-64E", "samples": ["sa3"], "data": "calibration"},
         "18": {
@@ -57,6 +59,7 @@ def make_tiny(folder: Path) -> None:
             "data": "calibration", "laser": 1,
         },
         "24": {"kind": "within", "scanner": "HDL-32E", "samples": ["sa5"], "data": "validation"},
+        "30": {"kind": "corrections", "scanner": "HDL-64E"},
     }  # fmt: skip
     config["outdoor"]["rotations"] = 3
     config["outdoor"]["figures"] = {"25": ["ideal", "HDL-64E"], "27": ["real", "HDL-32E"]}

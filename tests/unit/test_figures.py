@@ -71,6 +71,22 @@ def test_windows_are_weighted_by_their_residuals():
     np.testing.assert_allclose(std, np.sqrt(mean_square))
 
 
+def test_lasers_that_become_worse_are_marked():
+    lasers = LASERS.copy()
+    own = (lasers["data"] == "validation") & lasers["laser_id"].isin([3, 8])
+    lasers.loc[own & (lasers["role"] == "factory"), "rms_cm"] = 0.01
+    found = per_laser.per_laser(lasers, SUMMARY, selection())
+    before, after = (found[found["calibration"] == when] for when in ("before", "after"))
+    worse = after["rms_cm"].to_numpy() > before["rms_cm"].to_numpy()
+    assert worse[[3, 8]].all()
+    assert after["worse"].tolist() == worse.astype(int).tolist()
+    assert not before["worse"].any()
+    figure = per_laser.draw_per_laser(found, selection(), sigma_cm=2.0, simulated=False)
+    rings = [line for line in figure.axes[0].lines if "worse" in str(line.get_label())]
+    assert rings[0].get_label() == f"worse: {worse.sum()} of {len(worse)}"
+    assert rings[0].get_xdata().tolist() == after["laser"][worse].tolist()
+
+
 def test_a_laser_without_residuals_is_named_and_not_drawn():
     found = numbers()
     assert found.query("laser == 7")["rms_cm"].isna().all()
@@ -211,3 +227,38 @@ def test_bytes_depend_on_nothing_but_the_numbers(tmp_path, monkeypatch, chosen):
     assert mpl.rcParams["font.size"] == 23.0
     assert len(pd.read_csv(first[2])) > 0
     assert b"<dc:date>" not in first[0].read_bytes()
+
+
+def test_a_panel_of_large_shares_is_not_empty():
+    """The lower part of a scale from zero would be."""
+    table = numbers(kind="within")
+    table["within_3sigma_pct"] = 100.0
+    table.loc[table["laser"] == 5, "within_3sigma_pct"] = 98.3
+    figure = per_laser.draw_per_laser(
+        table, selection(kind="within"), sigma_cm=2.0, simulated=False
+    )
+    first, second = figure.axes
+    assert first.get_ylim()[0] == 0.0
+    low, high = second.get_ylim()
+    assert 96.0 < low < 98.3
+    assert 100.0 < high < 101.0
+
+
+def test_histogram_draws_all_residuals_unless_some_are_far_away():
+    near = np.concatenate([np.full(998, 0.02), [0.028, -0.028]])
+    options = {"sigma_cm": 2.0, "simulated": False}
+    chosen = selection("histogram", "calibration", laser=1)
+
+    def titles(counts):
+        figure = histogram.draw_histogram(counts, chosen, **options)
+        return [ax.get_title("left") for ax in figure.axes]
+
+    found = histogram.histogram(near, near)
+    assert found["before"].iloc[[0, -1]].sum() == 0
+    assert titles(found) == ["before (factory): 1000 medians", "after (adjusted): 1000 medians"]
+    far = np.concatenate([np.full(999, 0.019), [0.3]])
+    found = histogram.histogram(far, np.full(1000, 0.019))
+    assert found["before"].iloc[-1] == 1
+    edge = found["to_cm"].iloc[-2]
+    assert titles(found)[0].endswith(f"1 of them with |s| > {edge:g} cm not drawn")
+    assert titles(found)[1] == "after (adjusted): 1000 medians"

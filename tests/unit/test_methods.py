@@ -7,60 +7,25 @@ import numpy as np
 import pandas as pd
 import pytest
 from compare_methods import main
+from support.corner import FACTORY, TRUE, N, position
 from support.station import write_station
 
 from velocal.adjustment.joint import adjust_joint
 from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.stochastic import Stochastic
 from velocal.errors import VelocalError
-from velocal.evaluation import methods
+from velocal.evaluation import linear_parameters, methods
 from velocal.geometry.planes import Patch, Plane
 from velocal.io import schemas, storage
 from velocal.reporting.figures import methods as comparison
+from velocal.scanner.beam import laser_beams
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import LaserParameters
+from velocal.scanner.parameters import PARAMETERS
 from velocal.study.adjustment import Adjustment
 
-N = 6
 PRIOR = {"dl": 0.02, "alpha": 0.0035, "v": 0.0035, "scale": 1e-3}
 STOCHASTIC = Stochastic(noise_std_m=0.01, prior_std=PRIOR)
-FACTORY = LaserParameters(
-    dl=np.full(N, 0.1),
-    alpha=np.linspace(-0.06, 0.06, N),
-    v=np.linspace(-0.42, 0.02, N),
-    voff=np.full(N, 0.2),
-    hoff=np.linspace(-0.02, 0.02, N),
-)
-RNG = np.random.default_rng(3)
-#: Its mean over the lasers is the datum of planes that nobody surveyed.
-TURN = RNG.normal(0.0, 1e-3, N)
-TRUE = FACTORY.corrected(
-    {"dl": RNG.normal(0.01, 0.02, N), "alpha": TURN - TURN.mean(), "v": RNG.normal(0.0, 1e-3, N)}
-)
 NAMES = ("short", "long", "floor")
-
-
-def position(heading, distances, tilt=0.0, points=240):
-    """Distances to two walls at a right angle, above a floor, without noise."""
-    c, s = np.cos(heading), np.sin(heading)
-    normals = np.array([[c, s, tilt], [-s, c, -tilt], [tilt, tilt, -1.0]])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    phi = np.linspace(-np.pi, np.pi, points, endpoint=False)
-    laser = np.repeat(np.arange(N), points)
-    angle = np.tile(phi, N)
-    reach = []
-    for normal, distance in zip(normals, distances, strict=True):
-        flat = Observations(
-            np.zeros(len(angle)), angle, laser, np.tile(normal, (len(angle), 1)),
-            np.full(len(angle), -distance),
-        )  # fmt: skip
-        reach.append(-flat.misclosure(TRUE))
-    ranges = np.where(np.array(reach) > 0.5, reach, np.inf)
-    plane = np.argmin(ranges, axis=0)
-    hit = np.min(ranges, axis=0) < 12.0
-    return Observations(
-        np.min(ranges, axis=0), angle, laser, normals[plane], -np.asarray(distances)[plane], plane
-    ).take(hit)
 
 
 def samples(noise, count=1):
@@ -288,3 +253,44 @@ def test_script_writes_the_same_bytes_twice(tmp_path):
     table = storage.read_csv(tmp_path / "one/comparison.csv")
     assert list(table["method"]) == [method.key for method in methods.METHODS]
     assert "v_error_deg" not in table
+
+
+def test_linear_parameters_are_the_beam_parameters_written_otherwise():
+    scale = np.random.default_rng(4).normal(0.0, 1e-3, N)
+    parameters, found = linear_parameters.to_beam(linear_parameters.from_beam(TRUE, scale))
+    np.testing.assert_allclose(found, scale, atol=1e-12)
+    for name in PARAMETERS:
+        np.testing.assert_allclose(getattr(parameters, name), getattr(TRUE, name), atol=1e-12)
+    # A point is linear in them: that of the beam model at any angle and distance.
+    phi, distance = np.full(N, 1.2), np.full(N, 3.4)
+    laser = np.arange(N)
+    direction, origin = laser_beams(phi, laser, TRUE)
+    expected = (distance * (1.0 + scale) + TRUE.dl)[:, None] * direction + origin
+    a, b, c, e, f, g = linear_parameters.from_beam(TRUE, scale).T
+    p, q = a * distance + e, b * distance + f
+    sine, cosine = np.sin(phi), np.cos(phi)
+    point = np.stack([p * sine + q * cosine, p * cosine - q * sine, c * distance + g], axis=1)
+    np.testing.assert_allclose(point, expected, atol=1e-12)
+
+
+def test_one_linear_step_finds_what_planes_of_many_directions_determine():
+    scale = np.random.default_rng(9).normal(0.0, 1e-3, N)
+    tight = replace(STOCHASTIC, noise_std_m=1e-9)
+    found = linear_parameters.adjust(free_field(scale), FACTORY, tight)
+    expected = [getattr(TRUE, name) - getattr(FACTORY, name) for name in PARAMETERS]
+    np.testing.assert_allclose(found, np.stack([*expected, scale], axis=1), atol=1e-8)
+    # Three planes do not determine all: with the noise of the data the rest stays.
+    calibration, _ = samples(0.003)
+    few = linear_parameters.adjust(calibration[0].windows[0], FACTORY, STOCHASTIC)
+    assert np.max(np.abs(few[:, 2])) < 0.01
+
+
+def test_a_method_starts_where_it_says():
+    calibration, other = samples(0.003)
+    method = next(method for method in methods.METHODS if method.key == "nominal")
+    design = FACTORY.corrected({"dl": np.full(N, -0.1), "v": np.full(N, 0.002)})
+    weak = replace(STOCHASTIC, noise_std_m=1e3)
+    stays = methods.run_method(method, calibration, other, FACTORY, weak, design)
+    np.testing.assert_allclose(stays.parameters.dl, design.dl, atol=1e-6)
+    found = methods.run_method(method, calibration, other, FACTORY, STOCHASTIC, design)
+    assert np.sqrt(np.mean((found.parameters.dl - TRUE.dl) ** 2)) < 0.01

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from velocal.errors import VelocalError
+from velocal.io import markup
+
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES += [ROOT / "config/README.md", ROOT / "results/README.md"]
@@ -75,3 +78,32 @@ def test_words_are_plain(path):
 def test_unclear_words_are_found():
     assert UNCLEAR.search("Only every so many-th of them.")
     assert not UNCLEAR.search("Recommended limits of the parameters.")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_marks_of_a_page_are_complete_and_name_a_command(page):
+    for name, (maker, content) in markup.marked(page.read_text(encoding="utf-8")).items():
+        assert content, name
+        scripts = re.findall(r"[\w/]+\.py", maker)
+        assert maker.startswith(("make ", "python ")), name
+        assert all((ROOT / script).is_file() for script in scripts), name
+
+
+def test_text_between_marks_is_replaced_and_nothing_else():
+    page = "a\n<!-- numbers: x (made by make y) -->\n\nold\n\n<!-- end -->\nb\n"
+    assert markup.inserted(page, "x", "new\n") == page.replace("old", "new")
+    assert "(made by make z)" in markup.inserted(page, "x", "new", maker="make z")
+
+
+@pytest.mark.parametrize(
+    ("page", "what"),
+    [
+        ("<!-- numbers: x (made by make y) -->\n\nold\n", "0 complete pairs"),
+        ("<!-- numbers: x -->\n\nold\n\n<!-- end -->\n", "0 complete pairs"),
+        ("<!-- numbers: z (made by make y) -->\n\nold\n\n<!-- end -->\n", "no marks with the name"),
+        (2 * "<!-- numbers: x (made by make y) -->\n\nold\n\n<!-- end -->\n", "two marks"),
+    ],
+)
+def test_wrong_marks_are_an_error(page, what):
+    with pytest.raises(VelocalError, match=what):
+        markup.inserted(page, "x", "new")

@@ -101,8 +101,8 @@ def test_versions_name_what_matters():
 SCRIPTS = sorted((Path(__file__).parents[2] / "scripts").glob("*.py"))
 #: Scripts that may know the paper's numbers: they compare, or tune the simulator.
 COMPARE = {
-    "check_agreement", "compare_with_paper", "write_report", "replicate_study", "summarise_seeds",
-    "tune_world",
+    "adjust_offsets", "check_agreement", "compare_light", "compare_with_paper", "judge_claims",
+    "write_report", "replicate_study", "summarise_seeds", "tune_world",
 }  # fmt: skip
 #: Scripts that may know how the world is simulated: they make it, or repeat all of it.
 SIMULATE = {"replicate_study", "summarise_seeds", "tune_world", "coverage"}

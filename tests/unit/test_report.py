@@ -1,6 +1,9 @@
 """The report: complete, self-contained, the same bytes for the same study."""
 
+import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -48,6 +51,7 @@ LEDGER = {
 SURVEY = {
     "position": "P5", "scanner": "HDL-32E",
     "pose": {
+        "rotation": np.eye(3).tolist(), "translation_m": [10.0, 0.0, 0.0],
         "covariance_rad_m": np.diag([1e-6, 4e-6, 9e-6, 1e-8, 4e-8, 9e-8]).tolist(),
         "targets": ["B1", "B2", "B3"], "variance_factor": 1.234, "redundancy": 3,
     },
@@ -86,6 +90,16 @@ FULL = report.Study(
     tables=TABLES,
     summary=SUMMARY,
     agreement=agreement(),
+    claims=pd.DataFrame(
+        {
+            "claim": ["It holds.", "It does not."],
+            "where": ["here", "there"],
+            "computed": ["1 < 2", "2 > 1"],
+            "test": ["t", "F"],
+            "verdict": ["holds", "cannot be judged"],
+            "explanation": ["so it is", "too few"],
+        }
+    ),
     figures=[
         report.Figure(
             "16",
@@ -203,7 +217,8 @@ def test_ledger_survey_sets_and_field():
     assert "cut short: 1 packets, 77 bytes" in text
     assert "1\u202f234\u202f567" in PAGE
     assert "0.057, 0.115, 0.172" in text
-    assert "0.10, 0.20, 0.30" in text
+    # Of the scanner's origin: 10 m from the site frame's, whose own are 0.10, 0.20 and 0.30 mm.
+    assert "0.10, 30.00, 20.00" in text
     assert "short wall 110 0.76 2.44 –" in text
     assert "1 1.230 0.040 0.0000 –" in text
     assert "street 0.61235" in text
@@ -236,6 +251,14 @@ def test_fixed(value, text):
     assert report.fixed(value, 2) == text
 
 
+def test_claims_show_their_verdict_and_open_their_numbers():
+    text = PAGE[PAGE.index("Claims of the paper") :]
+    assert "<td>holds</td><td><details><summary>so it is</summary>" in text
+    assert '<td class="off">cannot be judged</td>' in text
+    assert "1 &lt; 2" in text
+    assert "Claims of the paper" not in report.render(replace(FULL, claims=None))
+
+
 def test_script_reads_what_is_there(tmp_path):
     storage.write_json(tmp_path / "recordings/sa5/ledger.json", LEDGER)
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
@@ -257,12 +280,15 @@ def test_script_reads_what_is_there(tmp_path):
         "factories": [],
         "field_pictures": [],
         "outdoor_pictures": [],
+        "outdoor_numbers": [],
     }
-    files |= dict.fromkeys(("methods_csv", "methods_png", "field_table", "outdoor"))
+    files |= dict.fromkeys(
+        ("certificate", "methods_csv", "methods_png", "field_table", "outdoor", "claims")
+    )
     common = {"title": "t", "simulated": True, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
-    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": []}
+    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": {}}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()
     ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]
@@ -273,8 +299,123 @@ def test_script_reads_what_is_there(tmp_path):
 
 
 def test_methods_are_compared():
-    section = re.search(r'(?s)<section id="methods">.*?</section>', PAGE)[0]
+    section = re.search(r'(?s)<section id="methods"[^>]*>.*?</section>', PAGE)[0]
     assert "the paper &lt;printed&gt;" in section
     assert "-25.0 % on the position" in section
     assert section.count("<tr>") == 3
     assert 'id="methods"' not in report.render(replace(FULL, methods=None))
+
+
+def test_outdoor_figures_say_what_they_show():
+    """Also to those who do not see the picture."""
+    numbers = pd.DataFrame(
+        {
+            "distance_m": [10.0, 35.0], "before_cm": [2.0, 3.0], "after_cm": [1.0, 1.5],
+            "parameter_set": "set3",
+        }
+    )  # fmt: skip
+    means = pd.DataFrame(
+        {
+            "kind": "real", "scanner": "HDL-64E", "samples": 2, "role": ["factory", "set"],
+            "parameter_set": ["", "set3"], "rms_cm": [2.5, 1.25], "shown": ["before", "after"],
+        }
+    )  # fmt: skip
+    drawn = report.OutdoorFigure("26", "real", "HDL-64E", numbers, PNG)
+    found = Elements(report.render(replace(FULL, outdoor=means, outdoor_figures=[drawn]))).found
+    texts = [attributes["alt"] for tag, attributes in found if tag == "img"]
+    (text,) = [each for each in texts if "distance of the panels" in each]
+    for part in ("real conditions", "HDL-64E", "10 to 35 m", "2.50 cm", "1.25 cm", "set3"):
+        assert part in text
+    assert ("figure", {"id": "figure-26"}) in found
+
+
+def test_every_figure_of_the_paper_is_accounted_for():
+    section = re.search(r'(?s)<section id="figures">.*?</section>', PAGE)[0]
+    assert section.count('<tr><th scope="row"') >= 28
+    own = report.render(replace(FULL, agreement=None))
+    assert "every figure of the paper" not in own
+
+
+# -- wide tables, on screen and on paper -----------------------------------------------------------
+
+
+def test_wide_tables_scroll_by_keyboard():
+    """A region that scrolls can have the focus, and has a name of its own."""
+    found = Elements(PAGE).found
+    regions = [attributes for _, attributes in found if attributes.get("class") == "scroll"]
+    assert len(regions) == sum(tag == "table" for tag, _ in found) > 10
+    assert all(each["tabindex"] == "0" and each["role"] == "region" for each in regions)
+    labels = [each["aria-label"] for each in regions]
+    assert len(set(labels)) == len(labels)
+    assert {"Table II", "Parameter set set1, HDL-32E", "Ledger"} <= set(labels)
+
+
+def test_style_for_paper():
+    style = re.search(r"(?s)<style>(.*?)</style>", PAGE)[1]
+    assert "@page { size: A4;" in style
+    assert "@page across { size: A4 landscape; }" in style
+    paper = style[style.index("@media print") :]
+    assert ".scroll { overflow: visible; }" in paper
+    assert "details::details-content { content-visibility: visible;" in paper
+    assert "@media screen and (prefers-color-scheme: dark)" in style
+
+
+MEASURE = """
+<style>html { width: 186mm; } .across { width: 273mm; }</style>
+<script>
+const found = [...document.querySelectorAll("table")].map(table => {
+  const page = table.closest(".across") || document.documentElement;
+  const over = table.getBoundingClientRect().right - page.getBoundingClientRect().right;
+  const name = table.parentElement.getAttribute("aria-label");
+  return {name: name, over: over, height: table.getBoundingClientRect().height};
+});
+document.title = JSON.stringify(found);
+</script>
+"""
+
+
+def on_paper(page, folder, chromium):
+    """Name, pixels beyond the text, and height of every table, as a browser lays them out.
+
+    The text is as wide as an A4 page, upright or across, without its margins of 12 mm.
+    """
+    style, n = re.subn("@media print", "@media all", page)
+    assert n == 1
+    file = folder / "page.html"
+    file.write_text(style.replace("</body>", f"{MEASURE}</body>"))
+    done = subprocess.run(
+        [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+         f"--user-data-dir={folder / 'profile'}", file.as_uri()],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    (title,) = re.findall(r"(?s)<title>(\[.*?\])</title>", done.stdout)
+    return json.loads(title)
+
+
+def test_all_columns_are_on_the_page_of_a4(tmp_path):
+    """Also with long names of files, and the tables in collapsed parts are there."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    chromium = next(filter(None, map(shutil.which, names)), None)
+    if chromium is None:
+        pytest.skip("no Chromium that could lay out the page. Hint: install the package chromium")
+    ledger = LEDGER | {"file": "recording_of_the_first_position_with_the_lamp_on_2026-11-26.pcap"}
+    numbers = {name: [1.234, 170.0] for name in (
+        "calibration_rms_cm", "other_rms_cm", "calibration_within_1sigma_pct",
+        "other_within_1sigma_pct", "dl_error_cm", "alpha_error_deg", "v_error_deg", "v_far_off")
+    }  # fmt: skip
+    names = ["planes unknown, range scale", "with prior, positions jointly"]
+    methods = METHODS.assign(
+        **numbers, name=names, reference="Muhammad and Lacroix 2010", parameters="dl alpha v scale"
+    )
+    planes = pd.DataFrame({f"column_{i}_cm": [1.23456] for i in range(16)})
+    page = report.render(
+        replace(FULL, methods=methods, ledgers={"real64_01": ledger}, field_table=planes)
+    )
+    found = on_paper(page, tmp_path, chromium)
+    assert len(found) == page.count("<table>")
+    assert [table for table in found if table["over"] > 0.5] == []
+    assert [table["name"] for table in found if table["height"] < 20] == []
+    # What the browser says without the style for paper:
+    bare = re.sub(r"(?s)(@media print \{).*?\n\}\n", r"\1 }\n", page)
+    wide = {table["name"] for table in on_paper(bare, tmp_path, chromium) if table["over"] > 0.5}
+    assert wide >= {"Methods", "Ledger"}

@@ -32,6 +32,14 @@ def test_the_study_is_sound(config):
     check_files(study, "config")
 
 
+def test_every_scanner_is_calibrated(config):
+    del config["parameter_sets"]["HDL-32E"]
+    read_study(config, "config")
+    del config["calibrations"]["HDL-32E"]
+    with pytest.raises(ConfigError, match="neither calibrations nor parameter_sets has 'HDL-32E'"):
+        read_study(config, "config")
+
+
 def test_a_scanner_may_be_chosen_in_a_sample_table(root, config, tmp_path):
     rows = (root / config["samples"]).read_text().splitlines()
     heading, *samples = [row for row in rows if row and not row.startswith("#")]
@@ -76,7 +84,8 @@ def changed(config, path, value):
             ["sa5"],
             "'sa5' is of 'HDL-32E', not of .*allowed: sa1",
         ),
-        (("parameter_sets", "HDL-32E"), None, "no 'HDL-32E'"),
+        (("calibrations", "HDL-64E", "set1"), ["sa1"], "set1: a parameter set has this name"),
+        (("calibrations", "HDL-64E", "unit"), ["sa5"], "'sa5' is of 'HDL-32E', not of"),
         (("tables", "2", "samples"), ["sa9"], "no sample 'sa9'"),
         (
             ("methods", "other"),
@@ -94,7 +103,17 @@ def changed(config, path, value):
         (("figures", "13", "data"), None, "key 'figures.13.data' is missing"),
         (("figures", "11", "samples"), None, "key 'figures.11.samples' is missing"),
         (("figures", "28", "sections"), None, "key 'figures.28.sections' is missing"),
-        (("figures", "28", "set"), "set9", "no parameter set 'set9' of 'HDL-64E'.*set1, set2"),
+        (
+            ("figures", "30", "sets"),
+            ["set9"],
+            "figures.30: no parameter set or calibration 'set9'.*set1, set2",
+        ),
+        (("figures", "30", "scanner"), "VLP-16", "figures.30: 'VLP-16' has no parameter set.*HDL"),
+        (
+            ("figures", "28", "set"),
+            "set9",
+            "no parameter set or calibration 'set9' of 'HDL-64E'.*set1, set2",
+        ),
         (("simulation",), None, "figures.28: one map of the simulated world's building"),
         (("survey",), None, "'survey' is missing"),
         (("samples",), "nowhere.tsv", "nowhere.tsv: cannot be read"),
@@ -200,7 +219,7 @@ def test_survey_files_of_something_else(own, tmp_path, name, wrong, message):
 
 def without_the_paper(config):
     """Leave out what names samples of the paper, and what is said of the HDL-32E."""
-    for key in ("tables", "figures", "methods", "outdoor", "compare_with_paper"):
+    for key in ("tables", "figures", "methods", "outdoor", "compare_with_paper", "calibrations"):
         del config[key]
     del config["adjustment"]["by_scanner"], config["reduction"]["azimuth_bin_deg"]
     return config

@@ -9,7 +9,7 @@ from support.example import POSITION, SCANNER, write_example
 import velocal
 from velocal.chain import unit_stations
 from velocal.errors import StorageError, VelocalError
-from velocal.evaluation.certificate import Conditions, certificate
+from velocal.evaluation.certificate import Certificate, Conditions, certificate
 from velocal.evaluation.holdout import (
     HoldOut,
     JudgedCalibration,
@@ -22,6 +22,7 @@ from velocal.evaluation.point_uncertainty import Use, point_std
 from velocal.exports import fades, for_driver
 from velocal.io import storage
 from velocal.io.plain import from_plain, to_plain
+from velocal.reporting import report
 from velocal.reporting.certificate import render
 from velocal.scanner.parameters import NEAR_POINT
 from velocal.simulation import truth
@@ -101,7 +102,7 @@ def test_one_plane_is_not_judged(made):
 
 
 def not_better(found):
-    return JudgedCalibration(found.unit, HoldOut((), None, None))
+    return replace(found, hold_out=HoldOut((), None, None))
 
 
 def test_a_calibration_that_is_not_better_ends_the_run(made):
@@ -143,7 +144,7 @@ def test_files_for_programs_hold_the_factorys_values_if_it_is_not_better(made, t
 
 
 def with_far_point(found):
-    return JudgedCalibration(replace(found.unit, far_point_m=25.04), found.hold_out)
+    return replace(found, unit=replace(found.unit, far_point_m=25.04))
 
 
 def test_a_correction_fades_to_that_of_the_factory(made):
@@ -157,6 +158,7 @@ def test_a_correction_fades_to_that_of_the_factory(made):
     x = near.carried[NEAR_POINT[0]] - factory.dl
     np.testing.assert_allclose(x, found.unit.near_correction(np.array([2.4]))[:, 0], atol=1e-12)
     assert np.abs(x).max() > 1e-3
+    assert np.abs(near.v - factory.v).max() > 0.0
     safe = for_driver(found, "ros", "safe")
     np.testing.assert_allclose(safe.dl - for_driver(not_better(found), "ros", "safe").dl, 0.0,
                                atol=1e-4)  # fmt: skip
@@ -177,12 +179,32 @@ def test_standard_deviations_of_points_follow_the_covariance(made):
     assert far.extrapolated.all()
 
 
-def test_the_certificate_states_expanded_uncertainties(made):
-    found = made[2]
-    one = certificate(
+def certified(found):
+    return certificate(
         found, scanner=SCANNER, serial="17", name="all", simulated=True,
         recordings=[Conditions("s", "P5", 10, 10.0, "", "", ())], files=[], versions={"x": "1"},
     )  # fmt: skip
+
+
+def test_the_report_says_what_to_use(made, tmp_path):
+    one = certified(made[2])
+    storage.write_json(tmp_path / "c.json", to_plain(one))
+    again = from_plain(Certificate, storage.read_json(tmp_path / "c.json"), "c.json")
+    page = report.render(report.Study("A unit", False, certificates=[again]))
+    assert "better than the factory" in page
+    assert f"parameter_sets/{SCANNER}/all.yaml" in page
+    # The errors of this unit's distances are 2.0 cm with a scatter of 1.6 cm.
+    assert one.significant("dl") > 16
+    assert f"significant for {one.significant('dl')} of 32 lasers" in page
+    page = report.render(
+        report.Study("A unit", False, certificates=[certified(not_better(made[2]))])
+    )
+    assert "not judged. Keep the factory's file" in " ".join(page.split())
+
+
+def test_the_certificate_states_expanded_uncertainties(made):
+    found = made[2]
+    one = certified(found)
     std = found.unit.calibration.std
     for number in (0, 31):
         laser = one.lasers[number]

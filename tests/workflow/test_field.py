@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 from support.running import copy_project, snakemake
 
+from velocal.reporting import pages
+
 pytestmark = pytest.mark.workflow
 
 SAMPLES = {"hdl64e_s1": "HDL-64E-S1", "hdl32e": "HDL-32E", "vlp16": "VLP-16"}
@@ -55,6 +57,10 @@ def test_lasers_agree_within_the_datasheet(table, sample):
     assert (of["std_cm"] < 1.3).all()
     assert (of["std_cm"] <= of["rms_cm"]).all()
     assert (of["trimmed"] < 0.2 * of["points"]).all()
+
+
+def test_the_page_has_these_numbers(finished, root):
+    assert pages.different(root, finished / "results", "make field") == []
 
 
 def test_walls_and_ground(table):

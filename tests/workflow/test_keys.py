@@ -176,6 +176,10 @@ CHANGES = {
         )
         for key in ("dl_cm", "alpha_deg", "v_deg", "scale_cm_per_m")
     },
+    "joint.near_points": change(
+        "joint.near_points", False, Given("adjust_unit", "joint"),
+        before=(*UNIT, (("joint", "near_points"), True)),
+    ),
     "export.distance": change(
         "export.distance", "single", Given("adjust_unit", "export"), before=UNIT
     ),
@@ -237,6 +241,10 @@ CHANGES = {
     ),
     f"{FIGURE}.data": change("figures.13.data", "validation", figure("selection", "13")),
     f"{FIGURE}.laser": change("figures.18.laser", 2, "results/figures/figure_18.csv"),
+    f"{FIGURE}.sets": change(
+        "figures.30.sets", ["set2"], figure("sets", "30", "draw_corrections"),
+        figure("adjustments", "30", "draw_corrections"),
+    ),
     f"{FIGURE}.set": change("figures.28.set", "set2", Given("map_building", "refined")),
     f"{MAP}.x_m": change("figures.28.sections.a.x_m", [0.5, 5], DRAWN),
     f"{MAP}.y_m": change("figures.28.sections.a.y_m", [8, 9], DRAWN),
@@ -260,7 +268,7 @@ WITHOUT_AN_OUTPUT = {
     "outdoor.samples": _FILE,
     "unsurveyed.samples": _FILE,
     "unsurveyed.recordings": _FILE,
-    "compare_with_paper": "asks for one more file, and changes no other",
+    "compare_with_paper": "asks for further files, and adds their section to the report",
 }
 
 

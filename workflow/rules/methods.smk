@@ -1,8 +1,7 @@
 # Methods of adjustment side by side: those of the literature, the paper's, and ours.
 #
 # in:   assigned medians of all windows of the samples of `methods`, the surveys of their positions,
-#       the factory's calibration; the truth, if the world is simulated: errors against it are
-#       what the comparison is for, and nothing else reads it
+#       the factory's calibration; the truth, if the world is simulated, for the errors against it
 # out:  {results}/methods/comparison.{csv,md}    residuals on calibration data and on another
 #                                                position, errors of the parameters, per method
 #       {results}/methods/comparison.{svg,png}   the same as a picture

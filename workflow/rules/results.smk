@@ -1,8 +1,7 @@
 # What people look at.
 #
-# in:   {results}/statistics/*.csv, {results}/residuals, ledgers
+# in:   {results}/statistics/*.csv, figures, ledgers
 # out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
-#       {results}/figures/figure_NN.{svg,png,csv}
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
 #       {results}/published/misses.csv       those outside their tolerance, with the known reason;
 #                                            the run fails if another one is outside
@@ -10,16 +9,13 @@
 
 from velocal.paper.printed import KNOWN_MISSES
 
-LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
-HISTOGRAMS = figures_of("histogram")
-
-
 TABLE_FILES = expand(
     f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
     table=SETTINGS.tables,
     suffix=("csv", "md", "tex"),
 )
 AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
+CLAIMS = f"{RESULTS}/published/claims.csv" if SETTINGS.compare_with_paper else []
 MISSES = f"{RESULTS}/published/misses.csv" if SETTINGS.compare_with_paper else []
 
 
@@ -69,48 +65,6 @@ rule check_agreement:
         "../../scripts/check_agreement.py"
 
 
-rule draw_lasers:
-    input:
-        lasers=f"{RESULTS}/statistics/lasers.csv",
-        summary=f"{RESULTS}/statistics/summary.csv",
-    output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
-    log:
-        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(LASER_FIGURES),
-    params:
-        selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        simulated=bool(WORLD),
-    script:
-        "../../scripts/draw_lasers.py"
-
-
-rule draw_histogram:
-    input:
-        residuals=lambda wildcards: per_window(
-            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
-            HISTOGRAMS[wildcards.figure].samples,
-        ),
-    output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
-    log:
-        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(HISTOGRAMS),
-    params:
-        selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
-        simulated=bool(WORLD),
-    script:
-        "../../scripts/draw_histogram.py"
-
-
 rule write_report:
     input:
         ledgers=expand(
@@ -118,12 +72,14 @@ rule write_report:
             sample=[*STUDY.samples, *STUDY.outdoor],
         ),
         agreement=AGREEMENT,
+        claims=CLAIMS,
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != NOMINAL],
         pictures=figure_files(FIGURES, ["png"]),
         numbers=figure_files(FIGURES, ["csv"]),
+        certificate=f"{RESULTS}/certificate.json" if CALIBRATIONS else [],
         methods_csv=f"{RESULTS}/methods/comparison.csv" if METHODS else [],
         methods_png=f"{RESULTS}/methods/comparison.png" if METHODS else [],
         field_table=f"{RESULTS}/field/table.csv" if STUDY.unsurveyed else [],
@@ -132,6 +88,7 @@ rule write_report:
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
+        outdoor_numbers=figure_files(OUTDOOR_FIGURES, ["csv"]),
     output:
         report_html=f"{RESULTS}/report.html",
     log:
@@ -154,6 +111,6 @@ rule write_report:
             name for scanner in STUDY.scanners for name in STUDY.candidates(scanner)
         ],
         field_samples=list(STUDY.unsurveyed),
-        outdoor_figures=list(OUTDOOR_FIGURES),
+        outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"

@@ -240,6 +240,30 @@ class Dialect:
         return np.stack([x, y, z], axis=-1)
 
 
+def near_effect(
+    distance_m: Array, phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
+) -> Array:
+    """What the near-point corrections of a file add to distances, metres, shape (n,).
+
+    They are applied as the manual of the HDL-64E says, up to the far point.
+
+    Parameters
+    ----------
+    distance_m, phi : ndarray, shape (n,)
+        Raw distance, metres, and rotational angle, radians.
+    laser_id : ndarray of int, shape (n,)
+    parameters : LaserParameters
+        Zeros where they hold no near-point corrections.
+    """
+    if NEAR_POINT[0] not in parameters.carried:
+        return np.zeros(len(distance_m))
+    moved = MANUAL.points(distance_m, phi, laser_id, parameters)
+    moved -= PAPER.points(distance_m, phi, laser_id, parameters)
+    theta, v = phi - parameters.alpha[laser_id], parameters.v[laser_id]
+    beam = np.stack([np.cos(v) * np.sin(theta), np.cos(v) * np.cos(theta), np.sin(v)])
+    return np.asarray(np.einsum("in,ni->n", beam, moved))
+
+
 def _between(at: Array, near_m: float, near: Array, far: Array) -> Array:
     return np.asarray(near + (far - near) * (at - near_m) / (FAR_M - near_m))
 

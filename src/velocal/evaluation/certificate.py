@@ -190,6 +190,28 @@ class Conditions:
 
 
 @dataclass(frozen=True)
+class StationResult:
+    """What the adjustment found of a station.
+
+    Attributes
+    ----------
+    name : str
+    observations : int
+    shift_mm, shift_expanded_mm : float
+        Shift that the distances of all lasers have in common there.
+    pose_in_std : float
+        Length of the correction of the pose, in units of its standard deviation from the survey;
+        values above 4 are suspicious.
+    """
+
+    name: str
+    observations: int
+    shift_mm: float
+    shift_expanded_mm: float
+    pose_in_std: float
+
+
+@dataclass(frozen=True)
 class Certificate:
     """Certificate of one calibration.
 
@@ -212,6 +234,7 @@ class Certificate:
     recordings : tuple of Conditions
     budget : tuple of Budget
         By source; the last row is the total.
+    stations : tuple of StationResult
     lasers : tuple of Laser
     points : tuple of Points
     properties : tuple of Property
@@ -233,12 +256,38 @@ class Certificate:
     far_point_m: float | None
     recordings: tuple[Conditions, ...]
     budget: tuple[Budget, ...]
+    stations: tuple[StationResult, ...]
     lasers: tuple[Laser, ...]
     points: tuple[Points, ...]
     properties: tuple[Property, ...]
     files: tuple[File, ...]
     versions: Mapping[str, str]
     warnings: tuple[str, ...]
+
+    def significant(self, name: str) -> int:
+        """Lasers whose correction is larger than its expanded uncertainty.
+
+        Parameters
+        ----------
+        name : str
+            Parameter out of `NAMES`.
+        """
+        unit = dict(_COLUMNS)[name]
+        return sum(
+            abs(getattr(one, f"{name}_{unit}")) > getattr(one, f"{name}_expanded_{unit}")
+            for one in self.lasers
+        )
+
+    def expanded(self, name: str) -> float:
+        """Root mean square of the expanded uncertainties of a parameter over the lasers.
+
+        Parameters
+        ----------
+        name : str
+            Parameter out of `NAMES`; dl in millimetres, the others in degrees.
+        """
+        column = f"{name}_expanded_{dict(_COLUMNS)[name]}"
+        return _root_mean_square(np.array([getattr(one, column) for one in self.lasers]))
 
 
 def certificate(
@@ -286,6 +335,16 @@ def certificate(
         far_point_m=unit.far_point_m,
         recordings=tuple(recordings),
         budget=_budget(found),
+        stations=tuple(
+            StationResult(
+                one.name,
+                int(one.count.sum()),
+                one.shift_m * _MM,
+                COVERAGE_FACTOR * one.shift_std_m * _MM,
+                one.pose_in_std,
+            )
+            for one in unit.stations
+        ),
         lasers=_lasers(found),
         points=_points(found),
         properties=tuple(_property(one) for one in unit.population),

@@ -134,10 +134,20 @@ class JudgedCalibration:
     unit : UnitCalibration
         Adjusted on all data.
     hold_out : HoldOut
+    near_m : ndarray, shape (lasers,)
+        What the near-point corrections of the factory's file add to the distances of a laser, mean
+        over its observations. The corrections of `unit` come on top of them. Zeros where the file
+        has none, or where they are left out as in the paper.
     """
 
     unit: UnitCalibration
     hold_out: HoldOut
+    near_m: Array
+
+    @property
+    def single(self) -> LaserParameters:
+        """Parameters with one distance correction, which holds at the ranges of the calibration."""
+        return self.unit.calibration.adjusted.corrected({"dl": self.near_m})
 
     @property
     def recommended(self) -> bool:

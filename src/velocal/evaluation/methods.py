@@ -30,6 +30,7 @@ from velocal.adjustment.solvers import (
 from velocal.adjustment.stochastic import Stochastic
 from velocal.arrays import Array
 from velocal.errors import VelocalError
+from velocal.evaluation import linear_parameters
 from velocal.evaluation.statistics import laser_statistics
 from velocal.scanner.parameters import LaserParameters
 
@@ -68,6 +69,10 @@ class Method:
         Whether all positions are adjusted together.
     planes_unknown : bool
         Whether planes are adjusted together with the lasers.
+    linear : bool
+        Whether the linear parameters of `linear_parameters` are adjusted, in one step.
+    start : {"factory", "nominal"}
+        Where it starts: at the values of the unit's own file, or at those of the design.
     """
 
     key: str
@@ -79,6 +84,8 @@ class Method:
     planes: Literal["one wall", "walls", "all"] = "all"
     joint: bool = False
     planes_unknown: bool = False
+    linear: bool = False
+    start: Literal["factory", "nominal"] = "factory"
 
 
 _PAPER, _OURS = "Zalud et al. 2015", "velocal"
@@ -103,6 +110,22 @@ METHODS = (
         "planes_unknown", "planes unknown, range scale", "Glennie and Lichti 2010",
         "lasers and planes together, no survey; means of alpha and scale as datum",
         ("dl", "alpha", "v", "scale"), joint=True, planes_unknown=True,
+    ),
+    Method(
+        "stations", "planes unknown, several stations", "[14] of the paper",
+        "lasers and planes together without a range scale: static stations without targets",
+        joint=True, planes_unknown=True,
+    ),
+    Method(
+        "linear", "linear parameters", "[12] of the paper; Chen and Chien 2012",
+        "six parameters in which a point is linear, one step, distances at right angles to the "
+        "plane; weak directions keep the factory's value",
+        linear_parameters.NAMES, linear=True,
+    ),
+    Method(
+        "nominal", "with prior, from nominal values", "[7] of the paper",
+        "the default, but the values of the design stand for those of the unit's own file",
+        solver=WithPrior(), start="nominal",
     ),
     Method(
         "gauss_helmert", "Gauss-Helmert", "textbook",
@@ -176,6 +199,7 @@ def run_method(
     other: Sequence[SampleData],
     factory: LaserParameters,
     stochastic: Stochastic,
+    nominal: LaserParameters | None = None,
 ) -> Estimate:
     """Adjust with one method: mean over the windows, then over the samples.
 
@@ -189,6 +213,8 @@ def run_method(
     factory : LaserParameters
     stochastic : Stochastic
         With a prior for dl, alpha and v.
+    nominal : LaserParameters, optional
+        Values of the design; those of the factory where a unit has no file of its own.
 
     Returns
     -------
@@ -201,6 +227,7 @@ def run_method(
     """
     if not method.parameters:
         return Estimate(factory)
+    initial = nominal if nominal is not None and method.start == "nominal" else factory
     # Neither the survey's uncertainty nor correlation enters any estimate.
     stochastic = replace(
         stochastic,
@@ -211,7 +238,7 @@ def run_method(
     if not method.joint:
         samples = [
             [
-                _adjusted(method, _seen(method, window, 0), factory, stochastic)
+                _adjusted(method, _seen(method, window, 0), initial, stochastic)
                 for window in each.windows
             ]
             for each in calibration
@@ -231,12 +258,12 @@ def run_method(
             data = joined([_thinned(_seen(method, part, wall), len(parts)) for part in parts])
             of_part = np.array([positions.index(each.position) for each in everything])
             data = replace(data, station=of_part[data.station_number])
-            windows.append(_adjusted(method, data, factory, stochastic))
+            windows.append(_adjusted(method, data, initial, stochastic))
         samples = [windows]
     mean = average(
         [
             # Only positions of noise would matter, and there are no covariances here.
-            Member(str(number), "", CalibrationSet(method.parameters, factory, x, seen))
+            Member(str(number), "", CalibrationSet(method.parameters, initial, x, seen))
             for number, windows in enumerate(samples)
             for x, seen, _ in windows
         ]
@@ -246,19 +273,22 @@ def run_method(
 
 
 def _adjusted(
-    method: Method, data: Observations, factory: LaserParameters, stochastic: Stochastic
+    method: Method, data: Observations, initial: LaserParameters, stochastic: Stochastic
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Corrections (lasers, u), which lasers have observations, which have converged."""
-    seen = np.bincount(data.laser_id, minlength=len(factory)) > 0
+    seen = np.bincount(data.laser_id, minlength=len(initial)) > 0
     if method.planes_unknown:
         number = data.station_number * (int(data.plane_number.max()) + 1) + data.plane_number
         group = np.unique(number, return_inverse=True)[1]
-        joint = adjust_joint(data, group, factory, method.parameters, stochastic)
-        return joint.corrections, seen, np.full(len(factory), joint.converged)
+        joint = adjust_joint(data, group, initial, method.parameters, stochastic)
+        return joint.corrections, seen, np.full(len(initial), joint.converged)
+    if method.linear:
+        found = linear_parameters.adjust(data, initial, stochastic)
+        return found, seen, np.ones(len(initial), dtype=bool)
     assert method.solver is not None
     results = adjust_all(
         data,
-        factory,
+        initial,
         method.parameters,
         method.solver,
         stochastic,
@@ -377,6 +407,7 @@ def compare(
     stochastic: Stochastic,
     sigma_m: float,
     truth: LaserParameters | None = None,
+    nominal: LaserParameters | None = None,
 ) -> list[dict[str, Any]]:
     """Run and judge all methods; see `run_method` and `evaluate`.
 
@@ -391,6 +422,8 @@ def compare(
         Standard deviation of the datasheet, metres.
     truth : LaserParameters, optional
         Against which errors are taken.
+    nominal : LaserParameters, optional
+        As for `run_method`.
 
     Returns
     -------
@@ -400,7 +433,7 @@ def compare(
     return [
         evaluate(
             method,
-            run_method(method, calibration, other, factory, stochastic),
+            run_method(method, calibration, other, factory, stochastic, nominal),
             calibration,
             other,
             sigma_m,

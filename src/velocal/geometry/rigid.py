@@ -76,6 +76,21 @@ class RigidTransformation:
             rotation, -rotation @ self.translation, jacobian @ self.covariance @ jacobian.T
         )
 
+    def origin_std_m(self) -> Array:
+        """Standard deviations of the place of the target frame's origin.
+
+        Those of `translation` are of the origin of the source frame: they grow with the distance
+        between the two, as the rotation is uncertain too.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            Metres, along the axes of the target frame: of the scanner, if that is the target.
+        """
+        # In the source frame the place is -R' t, see `inverse`; R turns it to the target's axes.
+        jacobian = np.hstack([skew(self.translation), np.eye(3)])
+        return np.sqrt(np.diag(jacobian @ self.covariance @ jacobian.T))
+
 
 @dataclass(frozen=True)
 class RigidAdjustment:

@@ -1,8 +1,19 @@
-"""Tables as Markdown and LaTeX: the one writer of both."""
+"""Tables as Markdown and LaTeX: the one writer of both, and text between the marks of a page."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+
+from velocal.errors import VelocalError
+
+#: What a command writes stands in a page between these two lines, with an empty line after the
+#: first and before the second one: a kind, a name, and who made it.
+_MARKED = re.compile(
+    r"^<!-- (?P<kind>\w+): (?P<name>\w+) \(made by (?P<maker>[^()\n]+)\) -->\n\n"
+    r"(?P<content>.*?)\n\n<!-- end -->$",
+    re.DOTALL | re.MULTILINE,
+)
 
 _LATEX_SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -79,3 +90,77 @@ def latex_tabular(
             lines.append(r"\midrule")
         lines.append(" & ".join(map(latex_text, row)) + r" \\")
     return [*lines, r"\bottomrule", r"\end{tabular}"]
+
+
+def marked(text: str) -> dict[str, tuple[str, str]]:
+    """What stands between the marks of a page.
+
+    Parameters
+    ----------
+    text : str
+        A page. Its marks are ``<!-- numbers: NAME (made by COMMAND) -->`` and ``<!-- end -->``, or
+        the same with another kind than numbers.
+
+    Returns
+    -------
+    dict of str to (str, str)
+        The command and the content, by name.
+
+    Raises
+    ------
+    VelocalError
+        If a mark has another form, a name comes twice, or an end is missing.
+    """
+    found = list(_MARKED.finditer(text))
+    names = [match["name"] for match in found]
+    lines = [line for line in text.splitlines() if line.startswith("<!--")]
+    if not 2 * len(found) == len(lines) == 2 * lines.count("<!-- end -->"):
+        raise VelocalError(
+            f"{len(lines)} comments, but {len(found)} complete pairs of marks",
+            where="a page",
+            allowed="<!-- numbers: NAME (made by COMMAND) -->, an empty line, the numbers, an "
+            "empty line, <!-- end -->",
+        )
+    if len(set(names)) < len(names):
+        raise VelocalError(f"two marks with one name: {', '.join(names)}", where="a page")
+    return {match["name"]: (match["maker"], match["content"]) for match in found}
+
+
+def inserted(text: str, name: str, content: str, *, maker: str | None = None) -> str:
+    """Put something else between two marks of a page.
+
+    Parameters
+    ----------
+    text : str
+        A page, see `marked`.
+    name : str
+    content : str
+        Markdown.
+    maker : str, optional
+        The command that the first mark names from now on; as before if None.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    VelocalError
+        If the page has no marks with this name, or its marks are wrong.
+    """
+    known = marked(text)
+    if name not in known:
+        raise VelocalError(
+            f"no marks with the name {name!r}",
+            where="a page",
+            allowed=", ".join(known) or "no name, as the page has no marks",
+            hint=f"Add <!-- numbers: {name} (made by COMMAND) --> and <!-- end --> to the page.",
+        )
+
+    def again(match: re.Match[str]) -> str:
+        if match["name"] != name:
+            return match[0]
+        head = f"{match['kind']}: {name} (made by {maker or match['maker']})"
+        return f"<!-- {head} -->\n\n{content.strip()}\n\n<!-- end -->"
+
+    return _MARKED.sub(again, text)

@@ -3,7 +3,8 @@
 The paper is Zalud, Kocmanova, Burian, Jilek, Kalvoda, Kopecny, "Effective Calibration and
 Evaluation of Parameters in a 3D Proximity Rotating Scanner" (Elektronika ir Elektrotechnika,
 2015). ``data/tables.csv`` holds Tables II to V as printed, ``data/statements.csv`` the numbers in
-its text, each with a tolerance of its own.
+its text, each with a tolerance of its own, ``data/claims.csv`` what it says without a number of a
+table.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import pandas as pd
 _FOLDER = Path(__file__).parent / "data"
 TABLES, STATEMENTS = _FOLDER / "tables.csv", _FOLDER / "statements.csv"
 KNOWN_MISSES = _FOLDER / "known_misses.csv"
+CLAIMS, OUTDOOR_SEEDS = _FOLDER / "claims.csv", _FOLDER / "outdoor_seeds.csv"
 
 #: What the item of a statement begins with in the agreement.
 PREFIX = "text "
@@ -119,6 +121,20 @@ def known_misses(path: Path = KNOWN_MISSES) -> dict[str, str]:
     """Items of the study (seed 2015) that are known to be missed, each with the reason."""
     rows = pd.read_csv(path)
     return dict(zip(rows["item"], rows["reason"], strict=True))
+
+
+def printed_claims() -> pd.DataFrame:
+    """Claims of the paper that no table answers: item, where, claim (in our words)."""
+    return pd.read_csv(CLAIMS)
+
+
+def outdoor_seeds() -> pd.DataFrame:
+    """Outdoor samples of seeds of the simulated world, before and after.
+
+    Columns kind, scanner, sample, distance_m, before_cm, after_cm and seed; made by
+    ``benchmarks/outdoor_seeds.py``.
+    """
+    return pd.read_csv(OUTDOOR_SEEDS)
 
 
 def tolerances_of_mean() -> dict[str, float]:

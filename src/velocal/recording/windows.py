@@ -14,8 +14,11 @@ from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS
+from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.rotation_index import RotationIndex
 
+#: Number of rotations, evenly spaced, from which the temperature of a window is read.
+TEMPERATURE_ROTATIONS = 10
 #: Stands in the file for every offset of a recording that is not seekable.
 _NOT_SEEKABLE = -1
 
@@ -146,6 +149,35 @@ def read_rotations(
         run = np.zeros_like(wanted)
         run[first:last] = True
         yield from _counted(chunks, int(index.packet[first]), index, run)
+
+
+def temperature_deg_c(
+    path: Path,
+    index: RotationIndex,
+    rotations: NDArray[np.int64],
+    source: SourceFilter = ANY_SOURCE,
+) -> float:
+    """Mean temperature of the scanner during a window, as its status bytes give it.
+
+    Parameters
+    ----------
+    path, index, rotations, source
+        As for `read_rotations`. Up to `TEMPERATURE_ROTATIONS` of the rotations are read.
+
+    Returns
+    -------
+    float
+        Degrees Celsius; NaN where the scanner sends no temperature.
+    """
+    places = np.linspace(0, len(rotations) - 1, min(len(rotations), TEMPERATURE_ROTATIONS))
+    readings = []
+    for place in places.astype(np.int64):
+        status = StatusReader()
+        for chunk, _ in read_rotations(path, index, rotations[[place]], source):
+            status.consume(chunk.payloads[:, -TRAILING.itemsize :])
+        found = status.result().temperature_deg_c
+        readings += [] if found is None else [np.mean(found)]
+    return float(np.mean(readings)) if readings else float("nan")
 
 
 def _counted(

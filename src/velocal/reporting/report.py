@@ -17,11 +17,14 @@ import numpy as np
 import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
+from velocal.evaluation.certificate import Certificate
+from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
 from velocal.paper import agreement
+from velocal.paper.figures import figures as paper_figures
 from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, printed_rows
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
-from velocal.reporting.captions import caption
+from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
@@ -62,6 +65,29 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class OutdoorFigure:
+    """A figure of the outdoor validation.
+
+    Attributes
+    ----------
+    number : str
+        As in the file's name.
+    kind, scanner : str
+        Conditions and scanner of its samples.
+    numbers : DataFrame
+        What is plotted.
+    png : bytes
+        Picture.
+    """
+
+    number: str
+    kind: str
+    scanner: str
+    numbers: pd.DataFrame
+    png: bytes
+
+
+@dataclass(frozen=True)
 class Study:
     """What a study has found; whatever is empty has no section.
 
@@ -76,6 +102,8 @@ class Study:
         Entries of the configuration, by Arabic number.
     summary, agreement : DataFrame or None
         Statistics of all windows; every printed entry with the reproduced one.
+    claims : DataFrame or None
+        Claims of the paper with their verdicts.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -87,14 +115,16 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG pictures of these recordings, by sample.
+    certificates : sequence of Certificate
+        Of the calibrations of units.
     methods : DataFrame or None
         Numbers of the comparison of methods.
     methods_png : bytes
         Its picture.
     outdoor : DataFrame or None
         Means of the outdoor validation.
-    outdoor_pictures : mapping of str to bytes
-        PNG of its figures, by number.
+    outdoor_figures : sequence of OutdoorFigure
+        Its figures.
     """
 
     title: str
@@ -103,16 +133,18 @@ class Study:
     tables: Mapping[str, figures.Table] = field(default_factory=dict)
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
+    claims: pd.DataFrame | None = None
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    certificates: Sequence[Certificate] = ()
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
-    outdoor_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    outdoor_figures: Sequence[OutdoorFigure] = ()
 
 
 def render(study: Study) -> str:
@@ -138,6 +170,7 @@ def render(study: Study) -> str:
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
         "statements": agreement.statements_of(cells),
+        "claims": [] if study.claims is None else study.claims.to_dict(orient="records"),
         "cells": cells,
         "contradictions": CONTRADICTIONS,
         "tables": _tables(study, cells),
@@ -149,6 +182,15 @@ def render(study: Study) -> str:
             }
             for figure in study.figures
         ],
+        "outdoor_figures": [
+            {
+                "number": figure.number,
+                "png": figure.png,
+                "caption": outdoor_caption(figure.kind, figure.scanner, figure.numbers),
+            }
+            for figure in study.outdoor_figures
+        ],
+        "of_paper": paper_figures() if cells else (),
         "surveys": [_survey(survey) for survey in study.surveys],
         "sets": {
             scanner: {
@@ -262,10 +304,15 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
 
 
 def _survey(survey: Mapping[str, Any]) -> dict[str, Any]:
-    """Pose and planes of a position with standard deviations."""
-    covariance = np.array(survey["pose"]["covariance_rad_m"], dtype=float)
-    std = np.sqrt(np.diag(covariance))
-    return {**survey, "rotation_std_rad": std[:3].tolist(), "translation_std_m": std[3:].tolist()}
+    """Pose and planes of a position with standard deviations, along the axes of the scanner."""
+    names = ("rotation", "translation_m", "covariance_rad_m")
+    pose = RigidTransformation(*(np.array(survey["pose"][name], dtype=float) for name in names))
+    rotation = np.sqrt(np.diag(pose.covariance)[:3])
+    return {
+        **survey,
+        "rotation_std_rad": rotation.tolist(),
+        "origin_std_m": pose.origin_std_m().tolist(),
+    }
 
 
 def _parameters(columns: Mapping[str, Any], factory: LaserParameters) -> dict[str, Any]:

@@ -87,6 +87,12 @@ class Joint(Section):
         "them they are learnt from the lasers of the unit",
     )
 
+    near_points: bool = Field(
+        default=True,
+        description="whether the near-point corrections of the factory's file are part of what is "
+        'corrected; `false` takes one distance correction per laser as "before", as the paper',
+    )
+
     def settings(self, scanner: Scanner) -> UnitSettings:
         """Settings in metres and radians.
 

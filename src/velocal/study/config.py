@@ -204,8 +204,8 @@ class StudyConfig(Section):
     validation: Validation | None = Field(default=None, description="residuals of single scans")
     compare_with_paper: bool = Field(
         default=False,
-        description="write `published/agreement.csv`; needs the paper's samples, all four tables, "
-        "a map and outdoor samples",
+        description="write `published/agreement.csv`, the judged claims and `drift/`; needs the "
+        "paper's samples, all four tables, a map and outdoor samples",
     )
     methods: Methods | None = Field(
         default=None,

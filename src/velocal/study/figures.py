@@ -76,6 +76,59 @@ class MapFigure(Section):
     )
 
 
+class CorrectionsFigure(Section):
+    """Corrections of every laser with their 95 % intervals."""
+
+    kind: Literal["corrections"] = Field(
+        description="corrections of every laser with their 95 % intervals, one panel per parameter"
+    )
+    scanner: ScannerName = Field(description="scanner of the parameter sets")
+    sets: Annotated[tuple[SetName, ...], Field(strict=False)] = Field(
+        default=(), description="parameter sets that are shown; all of the scanner if left out"
+    )
+
+
+class PacketFigure(Section):
+    """Layout of a data packet."""
+
+    kind: Literal["packet"] = Field(description="layout of a data packet, byte by byte")
+    scanner: ScannerName = Field(description="scanner that sends the packet")
+
+
+class FrameFigure(Section):
+    """The scanner frame, the parameters of a laser, and the nominal directions of all lasers."""
+
+    kind: Literal["frame"] = Field(
+        description="scanner frame, parameters of a laser, and nominal directions of all lasers"
+    )
+    scanner: ScannerName = Field(description="scanner whose lasers are drawn")
+
+
+class ResidualFigure(Section):
+    """The residual s of a point about a wall, with the angles of the paper's Table I."""
+
+    kind: Literal["residual"] = Field(
+        description="residual s of a point about a wall, and the angles of the paper's Table I"
+    )
+
+
+class FlowFigure(Section):
+    """The rules of the workflow, from a recording to the report."""
+
+    kind: Literal["flow"] = Field(description="rules of the workflow, and what they pass on")
+
+
+class ProcedureFigure(Section):
+    """Which recording is calibrated on and which is validated on."""
+
+    kind: Literal["procedure"] = Field(
+        description="which sample is adjusted, averaged to a parameter set, and validated on"
+    )
+
+
+SampleFigure = LaserFigure | HistogramFigure | PlanFigure
+SetFigure = MapFigure | CorrectionsFigure
+Diagram = PacketFigure | FrameFigure | ResidualFigure | FlowFigure
 Figure = Annotated[
-    LaserFigure | HistogramFigure | PlanFigure | MapFigure, Field(discriminator="kind")
+    SampleFigure | SetFigure | Diagram | ProcedureFigure, Field(discriminator="kind")
 ]

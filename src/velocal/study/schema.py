@@ -17,9 +17,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from velocal.io import storage
+from velocal.io.markup import inserted
 from velocal.study.config import StudyConfig
 from velocal.study.model import Placeholder
-from velocal.study.samples import OutdoorSample, SurveyedSample, UnsurveyedSample
+from velocal.study.samples import OutdoorSample, SurveyedSample
 from velocal.study.world import WorldFile
 
 #: Models of whole files, by the name of their schema.
@@ -28,7 +29,6 @@ FILES: dict[str, type[BaseModel]] = {"config": StudyConfig, "world": WorldFile}
 TABLES: dict[str, type[BaseModel]] = {
     "config": StudyConfig,
     "samples": SurveyedSample,
-    "unsurveyed_samples": UnsurveyedSample,
     "outdoor_samples": OutdoorSample,
 }
 #: Units by the ending of a field's name, the longest first.
@@ -125,18 +125,6 @@ def default_of(field: FieldInfo) -> str:
     return f"`{json.dumps(value)}`".replace('"', "")
 
 
-def with_tables(text: str) -> str:
-    """Return a text with the tables between its marks made anew.
-
-    The marks of a table are ``<!-- keys: NAME -->`` and ``<!-- end -->``, a line each.
-    """
-
-    def table(match: re.Match[str]) -> str:
-        return f"{match[1]}\n{key_table(TABLES[match[2]])}{match[3]}"
-
-    return re.sub(r"(<!-- keys: (\w+) -->)\n.*?(<!-- end -->)", table, text, flags=re.DOTALL)
-
-
 def outputs(folder: Path) -> dict[Path, str]:
     """Files that are made from the models, with their text.
 
@@ -155,7 +143,10 @@ def outputs(folder: Path) -> dict[Path, str]:
         for name, model in FILES.items()
     }
     readme = folder / "README.md"
-    return made | {readme: with_tables(readme.read_text(encoding="utf-8"))}
+    text = readme.read_text(encoding="utf-8")
+    for name, model in TABLES.items():
+        text = inserted(text, name, key_table(model))
+    return made | {readme: text}
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from velocal.study.config import (
     Observations,
     StudyConfig,
 )
+from velocal.study.figures import CorrectionsFigure, MapFigure, SampleFigure
 from velocal.study.model import Section, validated
 from velocal.study.outputs import Validation
 from velocal.study.reduction import Assignment
@@ -291,16 +292,13 @@ def _check_selections(study: Study, where: str) -> None:
     for key, table in config.tables.items():
         _check_names(study, f"tables.{key}", table.scanner, table.samples, where)
     for number, figure in config.figures.items():
-        samples = () if number in config.maps else figure.samples  # type: ignore[union-attr]
-        _check_names(study, f"figures.{number}", figure.scanner, samples, where)
-    for number, drawn in config.maps.items():
-        known = study.candidates(drawn.scanner)
-        if drawn.set not in known:
-            raise ConfigError(
-                f"figures.{number}: no parameter set {drawn.set!r} of {drawn.scanner!r}",
-                where=where,
-                allowed=", ".join(known),
-            )
+        place = f"figures.{number}"
+        if isinstance(figure, SampleFigure):
+            _check_names(study, place, figure.scanner, figure.samples, where)
+        elif isinstance(figure, MapFigure):
+            _check_sets(study, place, figure.scanner, [figure.set], where)
+        elif isinstance(figure, CorrectionsFigure):
+            _check_sets(study, place, figure.scanner, figure.sets, where)
     if config.unsurveyed:
         for name in config.unsurveyed.patches:
             if name not in study.unsurveyed:
@@ -325,6 +323,24 @@ def _check_names(study: Study, key: str, scanner: str, samples: Iterable[str], w
                 else (f"no sample {name!r}")
             )
             raise ConfigError(f"{key}: {what}", where=where, allowed=", ".join(known))
+
+
+def _check_sets(study: Study, key: str, scanner: str, names: Iterable[str], where: str) -> None:
+    """Check that a key names a scanner with parameter sets or calibrations, and some of these."""
+    known = study.candidates(scanner)
+    if not known:
+        raise ConfigError(
+            f"{key}: {scanner!r} has no parameter set and no calibration",
+            where=where,
+            allowed=", ".join(each for each in study.scanners if study.candidates(each)),
+        )
+    for name in names:
+        if name not in known:
+            raise ConfigError(
+                f"{key}: no parameter set or calibration {name!r} of {scanner!r}",
+                where=where,
+                allowed=", ".join(known),
+            )
 
 
 def _check_methods(study: Study, methods: Methods, where: str) -> None:

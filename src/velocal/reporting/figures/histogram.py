@@ -17,7 +17,9 @@ from velocal.study.figures import HistogramFigure
 
 #: Widths of histogram bins to choose from, cm, and about how many bins to have.
 _BIN_WIDTHS_CM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-_BINS = 60
+_BINS = 70
+#: A residual is far away that is more than this many times as large as 99.8 % of all.
+_FAR = 1.5
 
 
 def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
@@ -32,8 +34,8 @@ def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
     -------
     DataFrame
         Columns ``from_cm``, ``to_cm``, ``before``, ``after`` (counts). Bins are symmetrical about
-        zero and hold 99.8 % of the residuals; what lies beyond is counted in an open bin at
-        either end.
+        zero and hold all residuals, or 99.8 % of them where the others are far away; what lies
+        beyond is counted in an open bin at either end.
 
     Raises
     ------
@@ -47,9 +49,13 @@ def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
             where="figures",
             hint="Choose another laser, or look at the assignment of that sample.",
         )
-    limit = float(np.quantile(np.abs(np.concatenate([before, after])), 0.998))
+    size = np.abs(np.concatenate([before, after]))
+    limit, largest = float(np.quantile(size, 0.998)), float(size.max())
+    if largest <= _FAR * limit:
+        limit = largest
     width = next((w for w in _BIN_WIDTHS_CM if 2 * limit / w <= _BINS), _BIN_WIDTHS_CM[-1])
-    half = max(int(np.ceil(limit / width)), 1)
+    # One more than whole bins: a bin is open above, and a residual may lie on an edge.
+    half = int(limit / width + 1e-9) + 1
     # Whole multiples, so that edges print without digits of rounding.
     edges = np.round(np.arange(-half, half + 1) * width, 6) + 0.0
     bounds = np.concatenate([[-np.inf], edges, [np.inf]])
@@ -96,10 +102,12 @@ def draw_histogram(
             ax.axvline(0.0, color="black", linewidth=0.6)
             for sign in (-1.0, 1.0):
                 ax.axvline(sign * sigma_cm, color=GREY, linewidth=0.9, linestyle=DASHED)
-            beyond = int(numbers[name].sum() - inner[name].sum())
-            note = f"n = {int(numbers[name].sum())}" + (f", {beyond} beyond" if beyond else "")
-            ax.text(0.98, 0.97, note, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
-            ax.set_title(label, fontsize=8.5, fontweight="normal", color=color)
+            total = int(numbers[name].sum())
+            beyond = total - int(inner[name].sum())
+            note = f"{label}: {total} medians"
+            if beyond:
+                note += f", {beyond} of them with |s| > {edges[-1]:g} cm not drawn"
+            ax.set_title(note, fontsize=7.5 if beyond else 8.5, fontweight="normal", color=color)
         axes[0].set_xlim(min(edges[0], -1.1 * sigma_cm), max(edges[-1], 1.1 * sigma_cm))
         # Few, or the last label of one panel runs into the first of the other.
         axes[0].xaxis.set_major_locator(MaxNLocator(5))

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from velocal.errors import VelocalError
 from velocal.evaluation.candidates import Role
@@ -22,6 +22,7 @@ from velocal.reporting.style import (
     AFTER,
     BEFORE,
     CONNECTION,
+    DARK,
     finish,
     laser_axis,
     reference,
@@ -37,6 +38,9 @@ QUANTITIES = {
     "within_1sigma": ("within_1sigma_pct", "share of |s| < 1σ [%]", 68.27),
     "within_3sigma": ("within_3sigma_pct", "share of |s| < 3σ [%]", 99.73),
 }
+_NORMAL_LABEL = "share if σ = {:g} cm (datasheet)"
+#: A panel begins at zero unless the shares of all lasers are at least this, percent.
+_NEARLY_ALL_PCT = 90.0
 #: Quantities of every kind of figure per laser, one panel each.
 PANELS = {
     **{kind: (kind,) for kind in QUANTITIES},
@@ -65,7 +69,8 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
     -------
     DataFrame
         Columns ``laser`` (counted from 1 as in the paper), ``laser_id``, ``calibration`` (before
-        or after), ``role`` and ``parameter_set``, ``count`` and those of the kind. Windows are
+        or after), ``role`` and ``parameter_set``, ``count`` and those of the kind; with
+        ``rms_cm`` also ``worse``, 1 where it is larger after than before. Windows are
         weighted by their number of residuals: ``rms_cm`` is of all residuals of the laser, shares
         are of all of them. NaN for a laser without residuals.
 
@@ -87,7 +92,7 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
         )
     chosen = of_data[of_data["sample"].isin(samples)]
     columns = [QUANTITIES[kind][0] for kind in PANELS[selection.kind]]
-    return pd.concat(
+    numbers = pd.concat(
         [
             _means(shown.rows(chosen), columns).assign(calibration=calibration, **shown.identity)[
                 ["laser", "laser_id", "calibration", "role", "parameter_set", "count", *columns]
@@ -96,6 +101,10 @@ def per_laser(lasers: pd.DataFrame, summary: pd.DataFrame, selection: LaserFigur
         ],
         ignore_index=True,
     )
+    if "rms_cm" in columns:
+        first, last = numbers["rms_cm"].to_numpy().reshape(2, -1)
+        numbers["worse"] = np.concatenate([np.zeros(len(first)), last > first]).astype(np.int64)
+    return numbers
 
 
 def _means(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
@@ -137,8 +146,11 @@ def draw_per_laser(
     """
     panels = PANELS[selection.kind]
     with style():
-        figure = Figure(figsize=(7.0, 1.1 + 2.2 * len(panels)))
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        heights = [0.6 if _nearly_all(numbers, kind) else 1.0 for kind in panels]
+        figure = Figure(figsize=(7.0, 1.1 + 2.2 * sum(heights)))
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[
+            :, 0
+        ]
         for ax, kind in zip(axes, panels, strict=True):
             _dumbbells(ax, numbers, kind, sigma_cm)
         laser_axis(axes[-1], int(numbers["laser"].max()))
@@ -163,15 +175,35 @@ def _dumbbells(ax: Axes, numbers: pd.DataFrame, kind: str, sigma_cm: float) -> N
         laser, high, "o", color=AFTER, markersize=3.6, clip_on=False, zorder=4,
         label=f"after ({name_after(numbers)})",
     )  # fmt: skip
+    if "worse" in numbers and after["worse"].any():
+        worse = after["worse"].to_numpy() == 1
+        ax.plot(
+            laser[worse], high[worse], "o", color=DARK, markersize=7.0, markerfacecolor="none",
+            clip_on=False, zorder=5, label=f"worse: {worse.sum()} of {len(worse)}",
+        )  # fmt: skip
     if normal is None:
         level, text = sigma_cm, f"datasheet σ = {sigma_cm:g} cm"
         ax.set_ylim(0.0, 1.05 * max(float(np.nanmax([low, high])), sigma_cm))
+    elif _nearly_all(numbers, kind):
+        level, text = normal, _NORMAL_LABEL.format(sigma_cm)
+        least = min(float(np.nanmin([low, high])), normal)
+        bottom = np.floor(least - 0.5)
+        ax.set_ylim(bottom, 100.0 + 0.08 * (100.0 - bottom))
+        ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     else:
-        level, text = normal, f"share if σ = {sigma_cm:g} cm (datasheet)"
+        level, text = normal, _NORMAL_LABEL.format(sigma_cm)
         ax.set_ylim(0.0, 104.0)
         ax.yaxis.set_major_locator(MultipleLocator(20))
     reference(ax, level, text)
-    ax.set_ylabel(label)
+    ax.set_ylabel(label.replace("share of ", "share of\n") if _nearly_all(numbers, kind) else label)
+
+
+def _nearly_all(numbers: pd.DataFrame, kind: str) -> bool:
+    """Whether the shares of all lasers are so large that the lower part would be empty."""
+    column, _, normal = QUANTITIES[kind]
+    return normal is not None and bool(
+        np.nanmin(np.append(numbers[column].to_numpy(dtype=float), 100.0)) >= _NEARLY_ALL_PCT
+    )
 
 
 def name_after(numbers: pd.DataFrame) -> str:

@@ -132,9 +132,10 @@ def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) 
             ax.set_ylim(low[1], high[1])
             metres(ax, tick_m=2)
             ax.set_ylabel("Y [m]" if ax is axes[0] else "")
+        whence = "each position" if len(positions) > 1 else f"position {positions[0]}"
         finish(
             figure, [axes[0]],
-            f"{selection.scanner}: test field in plan, medians measured from each position",
+            f"{selection.scanner}: test field in plan, medians measured from {whence}",
             simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure

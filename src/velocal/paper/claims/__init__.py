@@ -1,0 +1,1 @@
+"""Claims of the paper that no table or figure answers: what was computed, and a verdict."""

@@ -22,6 +22,9 @@ Found = TypeVar("Found")
 
 #: Degrees of freedom of the half-t hyperprior.
 _DOF = 3.0
+#: Standard deviations that no unit has at zero. Their prior density is zero there, and not largest:
+#: it is that of the half-t times sigma, with its tail.
+_NEVER_ZERO = ("dl", "alpha", "v")
 #: Prior standard deviations of the means over the lasers: wide, as nothing is known.
 MEAN_STD = {"dl": 0.05, "alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
 #: Scales of the hyperprior. They are wide on purpose.
@@ -136,9 +139,11 @@ class Population:
     def minus_2_log_prior(self, log: Array) -> tuple[float, Array]:
         """Minus twice the log density of the logarithms under the hyperprior, and its gradient."""
         scales = np.array([size.scale for size in self.learnt])
+        power = np.array([2.0 if size.name in _NEVER_ZERO else 1.0 for size in self.learnt])
         ratio = np.exp(2.0 * log) / (_DOF * scales**2)
-        value = (_DOF + 1.0) * np.log1p(ratio).sum() - 2.0 * log.sum()
-        return float(value), 2.0 * (_DOF + 1.0) * ratio / (1.0 + ratio) - 2.0
+        value = (_DOF + power) * np.log1p(ratio) - 2.0 * power * log
+        slope = 2.0 * (_DOF + power) * ratio / (1.0 + ratio) - 2.0 * power
+        return float(value.sum()), slope
 
 
 @dataclass(frozen=True)

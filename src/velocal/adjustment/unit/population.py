@@ -25,8 +25,9 @@ _DOF = 3.0
 #: Standard deviations that no unit has at zero. Their prior density is zero there, and not largest:
 #: it is that of the half-t times sigma, with its tail.
 _NEVER_ZERO = ("dl", "alpha", "v")
-#: Prior standard deviations of the means over the lasers: wide, as nothing is known.
-MEAN_STD = {"dl": 0.05, "alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
+#: Prior standard deviations of the means over the lasers: wide, as nothing is known. That of dl
+#: is a setting.
+MEAN_STD = {"alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
 #: Scales of the hyperprior. They are wide on purpose.
 SCALES = {
     "dl": 0.02,
@@ -81,11 +82,14 @@ class Population:
     sizes : tuple of Size
     far : bool
         Whether the scale is the correction at a far point, metres.
+    mean_dl_m : float
+        Prior standard deviation of the mean of dl.
     """
 
     layout: Layout
     sizes: tuple[Size, ...]
     far: bool
+    mean_dl_m: float
 
     @classmethod
     def of(cls, layout: Layout, settings: UnitSettings) -> Population:
@@ -112,7 +116,7 @@ class Population:
         sizes.append(Size("shift", "m", shift if one else SCALES["shift"], one, shifts, none))
         sizes.append(Size("plane", "m", SCALES["plane"], False, planes.astype(np.int64), none))
         sizes.append(Size("common", "m", both if one else SCALES["common"], one, none, common))
-        return cls(layout, tuple(sizes), far)
+        return cls(layout, tuple(sizes), far, settings.mean_dl_m)
 
     @property
     def learnt(self) -> list[Size]:
@@ -129,8 +133,9 @@ class Population:
     def posterior(self, sums: Sums, log: Array) -> Posterior:
         """Posterior for the logarithms of the learnt standard deviations."""
         std, common = np.ones(self.layout.own), np.ones(self.layout.common)
+        means = MEAN_STD | {"dl": self.mean_dl_m}
         for place, name in enumerate(UNKNOWNS[:WITH_MEAN]):
-            common[place] = 0.01 if self.far and name == "scale" else MEAN_STD[name]
+            common[place] = 0.01 if self.far and name == "scale" else means[name]
         for size, value in zip(self.sizes, self.values(log), strict=True):
             std[size.own] = value
             common[size.common] = value

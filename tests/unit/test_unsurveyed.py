@@ -123,6 +123,7 @@ def test_every_plane_is_left_out_once(errors):
     assert [each.plane.name for each in found.planes] == list(WALLS)
     for each in found.planes:
         assert each.lasers == len(NOMINAL)
+        assert each.spread.within_m == pytest.approx(NOISE_M, rel=0.1)
         assert each.spread.after_m < 1.3 * NOISE_M < each.spread.before_m
         assert 0.0 < each.spread.low_m < each.spread.gain_m < each.spread.high_m
     before = np.mean([each.spread.before_m for each in found.planes])

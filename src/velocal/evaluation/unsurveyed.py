@@ -43,7 +43,7 @@ _HELD_RAD = 1e-7
 _RESAMPLES, _SEED = 2000, 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spread:
     """Standard deviation of the residuals s of a plane about it, before and after.
 
@@ -51,14 +51,18 @@ class Spread:
     ----------
     before_m, after_m : float
         With the factory's and with the adjusted parameters; the plane is fitted to each.
+    within_m : float
+        Before, about the mean of each laser on the plane: noise and the surface. No correction of
+        the distances of the lasers makes it smaller.
     gain_m : float
-        Their difference; positive where the adjusted ones are better.
+        Before minus after; positive where the adjusted ones are better.
     low_m, high_m : float
         Interval of the difference with the confidence `LEVEL`: bootstrap over the lasers.
     """
 
     before_m: float
     after_m: float
+    within_m: float
     gain_m: float
     low_m: float
     high_m: float
@@ -244,11 +248,15 @@ def leave_one_plane_out(
     rng = np.random.default_rng(_SEED)
     times = rng.multinomial(len(seen), np.full(len(seen), 1.0 / len(seen)), size=_RESAMPLES)
     std, resampled = _std(sums.sum(axis=3)), _std(sums[..., seen] @ times.T)
+    count, variance = sums[:, 0, 0], np.nan_to_num(_std(sums[:, :1])[:, 0] ** 2)
+    within = np.sqrt((count * variance).sum(axis=1) / count.sum(axis=1))
     parts = tuple(
         PlaneLeftOut(plane, int((own[0, 0] > 0).sum()), _spread(*found), unit)
-        for plane, own, unit, *found in zip(planes, sums, units, std, resampled, strict=True)
+        for plane, own, unit, *found in zip(
+            planes, sums, units, within, std, resampled, strict=True
+        )
     )
-    return LeftOut(parts, _spread(std.mean(axis=0), resampled.mean(axis=0)))
+    return LeftOut(parts, _spread(within.mean(), std.mean(axis=0), resampled.mean(axis=0)))
 
 
 def _loose(plane: FieldPlane, points: Array) -> Array:
@@ -274,12 +282,19 @@ def _std(sums: Array) -> Array:
     """Standard deviation out of the sums of the powers 0 to 2, along the axis 2."""
     count, total, square = np.moveaxis(sums, 2, 0)
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.sqrt(square / count - (total / count) ** 2))
+        return np.asarray(np.sqrt(np.maximum(square / count - (total / count) ** 2, 0.0)))
 
 
-def _spread(std: Array, resampled: Array) -> Spread:
+def _spread(within: float, std: Array, resampled: Array) -> Spread:
     """Before and after, out of arrays (2,) and (2, resamples)."""
     before, after = std
     tail = (1.0 - LEVEL) / 2.0
     low, high = np.nanquantile(resampled[0] - resampled[1], [tail, 1.0 - tail])
-    return Spread(float(before), float(after), float(before - after), float(low), float(high))
+    return Spread(
+        before_m=float(before),
+        after_m=float(after),
+        within_m=float(within),
+        gain_m=float(before - after),
+        low_m=float(low),
+        high_m=float(high),
+    )

@@ -43,5 +43,5 @@ def test_planes_left_out_become_thinner(name, before_cm, after_cm, benchmark, sh
         if line.startswith(f"| `{name}` | mean")
     )
     stated = [float(cell) * 1e-2 for cell in cells[5:8]]
-    computed = [found.mean.before_m, found.mean.after_m, found.mean.gain_m]
+    computed = [found.mean.before_m, found.mean.after_m, found.mean.within_m]
     assert stated == pytest.approx(computed, abs=0.02e-2)

@@ -20,7 +20,7 @@ CHECK_PAGES := $(BIN)/python -m velocal.reporting.pages --check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results coverage seeds pages field test lint nist lock clean
+.PHONY: help setup results paper coverage seeds pages field test lint nist lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -29,6 +29,16 @@ help: ## show this list
 results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
 	$(RUN) snakemake --cores $(CORES)
 	@$(CHECK_PAGES) "make results"
+
+# Recordings and results together need this space; what an earlier run left there is already counted.
+PAPER_GB := 7
+paper: $(INSTALLED) ## run the study with recordings of five minutes in results-paper/: 7 GB, ten minutes
+	@echo "The recordings of five minutes and the results need about $(PAPER_GB) GB in results-paper/, and about ten minutes on two cores."
+	@$(BIN)/python -c 'import pathlib, shutil, sys; \
+	    there = sum(p.stat().st_size for p in pathlib.Path("results-paper").rglob("*") if p.is_file()); \
+	    free = (shutil.disk_usage(".").free + there) / 1e9; \
+	    sys.exit(0 if free >= $(PAPER_GB) else f"error: only {free:.1f} GB are free here. Hint: free some space, or run make results, which needs 1.2 GB")'
+	$(RUN) snakemake --cores $(CORES) --configfile config/config.yaml config/five_minutes.yaml
 
 coverage: $(INSTALLED) ## check how often stated intervals contain the simulated truth: results/methods/coverage.csv
 	$(RUN) snakemake --cores $(CORES) coverage
@@ -98,5 +108,6 @@ lock: ## write the newest versions within the ranges of pyproject.toml into requ
 	       --no-header --no-annotate --no-emit-index-url --no-emit-find-links pyproject.toml; } > requirements.lock.new
 	@mv requirements.lock.new requirements.lock
 
-clean: ## remove everything that a run made in results/, but not .venv
+clean: ## remove everything that a run made in results/ and results-paper/, but not .venv
 	find results -mindepth 1 ! -path results/README.md -delete
+	rm -rf results-paper

@@ -50,12 +50,18 @@ def shots(simulated, scanner, scene: Scene, ticks):
     return phi, lasers, length, raw, surface
 
 
+def mean_drift(simulated, scanner, sample):
+    """Mean drift of all lasers over a recording, metres."""
+    times = simulated.represented_s(np.linspace(0.0, 1.0, 30, endpoint=False), 1.0)
+    return truth.drift(simulated, scanner, sample).at(times).mean(axis=0)
+
+
 def adjusted(simulated, scanner, position, sample, adjustment):
     """Corrections of one sample on the surveyed field."""
     scene = site_scene(simulated, scanner, position)
     phi, lasers, _, raw, surface = shots(simulated, scanner, scene, np.arange(0, AZIMUTH_TICKS, 27))
     hit = (surface >= 0) & (surface < PLANES)
-    raw = raw + truth.drift(simulated, scanner, sample).mean(axis=0)[lasers]
+    raw = raw + mean_drift(simulated, scanner, sample)[lasers]
     planes = list(scene.surfaces.values())[:PLANES]
     inverse = scene.pose.inverse()
     normal = np.array([-plane.normal @ scene.pose.rotation for plane in planes])
@@ -105,7 +111,7 @@ def sample(simulated, row, candidates, section):
     phi, lasers, length, raw, surface = shots(simulated, scanner.name, scene, ticks)
     hit = surface > 0
     phi, lasers, length, raw = phi[hit], lasers[hit], length[hit], raw[hit]
-    drift = truth.drift(simulated, scanner.name, row.name).mean(axis=0)
+    drift = mean_drift(simulated, scanner.name, row.name)
     noise = truth.unit_truth(simulated, scanner.name).noise(length, lasers)
     noise *= np.hypot(1.0, simulated.outdoor.kinds[row.kind].fog.noise)
     raw = raw + drift[lasers] + noise * rng.standard_normal(len(raw))

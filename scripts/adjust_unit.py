@@ -52,7 +52,7 @@ def main(
     found = calibrate_unit(
         recordings,
         factory,
-        settings=joint.settings(known),
+        settings=joint.settings(known, factory),
         limits=limits.metric(),
         near_points=joint.near_points,
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files import formats
 from velocal.evaluation.candidates import Candidate, Role
-from velocal.evaluation.statistics import statistics_table
+from velocal.evaluation.statistics import ROTATIONS_FROM, statistics_table
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.scanner.beam import points
@@ -49,6 +49,7 @@ def main(
     rows |= {"before_m": data.misclosure(factory), "after_m": data.misclosure(after.parameters)}
     storage.write_table(residuals, schemas.RESIDUALS, rows, **facts)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "calibration"}
+    heading |= {ROTATIONS_FROM: "window"}
     candidates = [Candidate(Role.FACTORY, factory), after]
     table = statistics_table(heading, candidates, data, sigma_cm * 1e-2)
     storage.write_csv(statistics, table)

@@ -13,6 +13,8 @@ from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
 from velocal.io.plain import from_plain
 from velocal.io.scripts import run
+from velocal.paper.agreement import unexpected
+from velocal.paper.printed import known_misses
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
@@ -21,7 +23,7 @@ FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 
 
 def _frame(path: Path) -> pd.DataFrame:
-    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "kind", "shown")))
+    return pd.DataFrame(storage.read_csv(path, text=(*KEYS, "kind", "shown", "within")))
 
 
 def _optional(path: Path | None) -> pd.DataFrame | None:
@@ -33,6 +35,7 @@ def main(
     ledgers: list[Path],
     agreement: Path | None,
     claims: Path | None,
+    listed_misses: Path | None,
     summary: Path | None,
     surveys: list[Path],
     sets: list[Path],
@@ -49,6 +52,7 @@ def main(
     report_html: Path,
     title: str,
     simulated: bool,
+    rotations: int | None,
     tables: Mapping[str, Table],
     figures: Mapping[str, Any],
     factories: list[Path],
@@ -71,6 +75,7 @@ def main(
     columns: dict[str, dict[str, Any]] = {}
     for scanner, name, path in zip(set_scanners, set_names, sets, strict=True):
         columns.setdefault(scanner, {})[name] = storage.read_csv(path)
+    compared = _optional(agreement)
     drawn = zip(figures.items(), pictures, numbers, strict=True)
     study = report.Study(
         title=title,
@@ -78,8 +83,13 @@ def main(
         ledgers=dict(zip(samples, map(storage.read_json, ledgers), strict=True)),
         tables=tables,
         summary=_optional(summary),
-        agreement=_optional(agreement),
+        agreement=compared,
         claims=_optional(claims),
+        unexpected=(
+            []
+            if compared is None or listed_misses is None
+            else unexpected(compared, known_misses(listed_misses, rotations))
+        ),
         figures=[
             report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
             for (number, selection), png, csv in drawn

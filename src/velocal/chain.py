@@ -211,7 +211,7 @@ def calibrate_unit(
     factory : LaserParameters
         Initial parameters, to which the corrections will belong.
     settings : UnitSettings, optional
-        What is known beforehand; nothing has to be.
+        What is known beforehand; `UnitSettings.recommended` if left out.
     limits : Limits, optional
         What a median must satisfy to belong to a plane; `Limits()` if left out.
     near_points : bool
@@ -240,16 +240,18 @@ def calibrate_unit(
     >>> found.unit.calibration.names
     ('dl', 'alpha', 'v')
     """
+    scanner = scanner_named(recordings[0][1].scanner)
+    chosen = settings or UnitSettings.recommended(scanner, factory=factory)
     if near_points:
         recordings = [(_with_near_points(beams, factory), station) for beams, station in recordings]
 
     def adjusted(stations: Sequence[UnitStation]) -> LaserParameters:
-        return adjust_unit(stations, factory, settings).calibration.adjusted
+        return adjust_unit(stations, factory, chosen).calibration.adjusted
 
     def assign(parameters: LaserParameters) -> list[UnitStation]:
         return unit_stations(recordings, parameters, limits)
 
-    unit = readjust(assign, factory, settings)
+    unit = readjust(assign, factory, chosen)
     stations = assign(unit.calibration.adjusted)
     near_m = np.zeros(len(factory))
     if near_points:

@@ -36,11 +36,13 @@ def statistics() -> tuple[pd.DataFrame, pd.DataFrame]:
             for sample in samples:
                 for window in WINDOWS:
                     heading = {"scanner": scanner, "sample": sample, "window": window, "data": data}
+                    heading |= {"rotations_from": "outside" if data == "validation" else "window"}
                     lasers = _lasers(random, N_LASERS[scanner])
                     for role, name, std_cm in candidates:
                         own = heading | {"role": role.value, "parameter_set": name}
                         s = random.normal(0.0, std_cm * 1e-2, len(lasers))
-                        table = statistics_columns(own, s, lasers, N_LASERS[scanner], 0.02)
+                        phi = np.linspace(0.0, 6.0, len(lasers))
+                        table = statistics_columns(own, s, lasers, N_LASERS[scanner], 0.02, phi)
                         parts.append(pd.DataFrame(table))
                         rows.append({**own, **summary_row(table)})
     return pd.concat(parts, ignore_index=True), pd.DataFrame(rows)

@@ -1,7 +1,5 @@
 """Stations of a unit in memory: truth, observations with all errors of the world, and survey."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from tests.support.building import WORLD
@@ -12,15 +10,9 @@ from velocal.simulation.draws import PLANES, full_draws, geometry
 DEG = np.pi / 180.0
 
 
-def unit_draws(scanner, position, runs, seed, *, step_deg=2.0, every=1, planes=None):
-    """Draw a station several times: its factory parameters, and (station, truth) of every run.
-
-    `planes` leaves observations of other planes out.
-    """
+def unit_draws(scanner, position, runs, seed, *, step_deg=2.0, every=1):
+    """Draw a station several times: its factory parameters, and (station, truth) of every run."""
     at = geometry(WORLD, scanner, position, step_deg=step_deg, every=every)
-    if planes is not None:
-        kept = np.isin(at.plane, planes)
-        at = replace(at, phi=at.phi[kept], laser_id=at.laser_id[kept], plane=at.plane[kept])
     errors = at.errors
     stochastic = Stochastic(
         noise_std_m=0.01,

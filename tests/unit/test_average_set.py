@@ -15,7 +15,7 @@ from velocal.study.outputs import Export
 
 def quality(n):
     """Columns of the quality of lasers that all went well."""
-    one = LaserQuality(9, 3, 6, 0.01, 1.0, 0.5, 2.0, 0.9, (), 3, True, "converged")
+    one = LaserQuality(9, 3, 6, 0.01, 1.0, 2.0, 0.9, (), 3, True, "converged")
     parameters = LaserParameters(*np.zeros((5, n)))
     empty = CalibrationSet(
         (), parameters, np.zeros((n, 0)), np.ones(n, dtype=bool), quality=(one,) * n

@@ -6,7 +6,8 @@ from scipy.stats import norm, t
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.observations import Observations
-from velocal.adjustment.solvers import GaussHelmert, WithPrior
+from velocal.adjustment.result import CalibrationSet
+from velocal.adjustment.solvers import GaussHelmert, PaperModel, WithPrior
 from velocal.adjustment.stochastic import Stochastic
 from velocal.scanner.parameters import LaserParameters
 
@@ -131,3 +132,29 @@ def test_a_parameter_is_weakly_determined_below_one_half(dl_share, hoff_share, w
     np.testing.assert_allclose(np.sqrt(np.diag(found.parts["prior"])), (1.0 - share) * prior)
     assert found.weakly_determined == weak
     assert sorted(found.non_estimable) == sorted(weak)
+
+
+@pytest.mark.parametrize(("block_deg", "above"), [(None, ()), (10.0, ("dl",))])
+def test_a_stated_deviation_above_the_prior_is_named(block_deg, above):
+    """A pattern of 2 cm that stays for 10 deg: 36 independent errors instead of 360.
+
+    Independent errors of 2 cm would give the mean to 1.1 mm, and the blocks give it to 3.5 mm. The
+    prior of 2 mm lies between the two.
+    """
+    n = 360
+    phi = np.deg2rad(np.arange(n) + 0.5)
+    pattern = np.repeat(np.where(np.arange(36) % 2 == 0, 0.02, -0.02), 10)
+    data, zero = on_floor(phi, pattern[None])
+    model = Stochastic(
+        noise_std_m=0.02,
+        prior_std={"dl": 0.002},
+        block_rad=None if block_deg is None else np.deg2rad(block_deg),
+    )
+    found = adjust_all(data, zero, ("dl",), PaperModel(truncate_at=1.0), model)[0]
+    assert found.rank == 1  # independent noise decides, whatever is stated
+    assert found.std[0] == pytest.approx(0.02 / np.sqrt(n if block_deg is None else 36), rel=0.1)
+    assert found.std_above_prior == above
+    columns = CalibrationSet.from_adjustments([found], zero).to_columns()
+    assert columns["std_above_prior"] == [" ".join(above)]
+    read = {name: np.array(values) for name, values in columns.items()}
+    assert CalibrationSet.from_columns(read, zero).quality[0].std_above_prior == above

@@ -197,6 +197,15 @@ def test_every_printed_cell_occurs_with_its_verdict():
     assert f"{(std['within'] == 'true').sum()} of {len(std)}" in text
 
 
+def test_what_the_check_will_refuse_stands_at_the_top():
+    page = report.render(replace(FULL, unexpected=["V <item>: printed 1, reproduced 2"]))
+    text = text_of(page)
+    assert text.index("1 numbers are not as they were.") < text.index("Overview")
+    assert "V &lt;item&gt;: printed 1, reproduced 2" in page
+    Elements(page)
+    assert "not as they were" not in PAGE
+
+
 def test_contradictory_cells_are_marked_beside_our_numbers():
     assert re.search(r"67\.4<sup>†</sup>", PAGE)
     assert re.search(r"3\.4<sup>†</sup>", PAGE)
@@ -263,6 +272,8 @@ def test_script_reads_what_is_there(tmp_path):
     storage.write_json(tmp_path / "recordings/sa5/ledger.json", LEDGER)
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
     storage.write_csv(tmp_path / "agreement.csv", FULL.agreement)
+    item = FULL.agreement["item"][FULL.agreement["within"] == "true"].iloc[0]
+    (tmp_path / "known.csv").write_text(f"item,rotations,reason\n{item},,it was missed once\n")
     storage.write_json(tmp_path / "P5.json", SURVEY)
     drawn = tmp_path / "figure_16.png"
     drawn.write_bytes(PNG)
@@ -273,6 +284,7 @@ def test_script_reads_what_is_there(tmp_path):
         "ledgers": [tmp_path / "recordings/sa5/ledger.json"],
         "summary": tmp_path / "summary.csv",
         "agreement": tmp_path / "agreement.csv",
+        "listed_misses": tmp_path / "known.csv",
         "surveys": [tmp_path / "P5.json"],
         "pictures": [drawn],
         "numbers": [drawn.with_suffix(".csv")],
@@ -285,7 +297,7 @@ def test_script_reads_what_is_there(tmp_path):
     files |= dict.fromkeys(
         ("certificate", "methods_csv", "methods_png", "field_table", "outdoor", "claims")
     )
-    common = {"title": "t", "simulated": True, "tables": TABLES}
+    common = {"title": "t", "simulated": True, "rotations": 330, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
     common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": {}}
@@ -296,6 +308,7 @@ def test_script_reads_what_is_there(tmp_path):
         "overview", "tables", "agreement", "figures", "survey", "sets", "ledger", "versions",
     ]  # fmt: skip
     assert str(tmp_path) not in page
+    assert f"{item}: is listed as a known miss, but it is not missed" in text_of(page)
 
 
 def test_methods_are_compared():

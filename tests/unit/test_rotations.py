@@ -24,7 +24,7 @@ from velocal.recording import scan as rotations
 from velocal.recording.identify import candidates, check_scanner
 from velocal.recording.returns import write_returns
 from velocal.recording.scan import inspect
-from velocal.recording.windows import read_rotations, window_rotations
+from velocal.recording.windows import read_rotations, single_rotations, window_rotations
 from velocal.scanner.models import SCANNERS
 
 N = 120  # packets; with 150 ticks a firing a rotation has 240 blocks in 20 packets
@@ -269,6 +269,30 @@ def test_too_few_rotations(length, index):
     assert "Hint: " in str(caught.value)
     if length:
         assert f"at least {3 * length}" in str(caught.value)
+
+
+def test_single_rotations_are_outside_the_windows(index):
+    """Complete are 1 2 3 5 6 7 8 9 10 11 12; of two that are equally near, the later one."""
+
+    def single(name, length, count):
+        found = single_rotations(index, name, length, count, "sa1")
+        return list(found.numbers), found.origin
+
+    # Windows 1 2 3, 6 7 8 and 10 11 12 leave 5 and 9.
+    assert single("beginning", 3, 1) == ([5], "outside")
+    assert single("middle", 3, 1) == ([9], "outside")
+    assert single("end", 3, 1) == ([9], "outside")
+    assert single("middle", 3, 2) == ([5, 9], "outside")
+    # Windows 1 2, 6 7 and 11 12: the rotation 4 is not complete.
+    assert single("beginning", 2, 2) == ([3, 5], "outside")
+    assert single("end", 2, 2) == ([9, 10], "outside")
+
+
+def test_single_rotations_of_the_window_if_too_few_are_left(index):
+    found = single_rotations(index, "end", 3, 3, "sa1")
+    assert (list(found.numbers), found.origin) == ([10, 11, 12], "window")
+    with pytest.raises(ConfigError, match="11 complete rotations, too few"):
+        single_rotations(index, "end", 4, 1, "sa1")
 
 
 # -- reading -----------------------------------------------------------------------------------

@@ -51,6 +51,58 @@ def test_one_seed_one_recording_and_streams_of_their_own():
     assert recording(world) == recording(more)
 
 
+@pytest.mark.parametrize("rotations", [36, 330, 3000])
+def test_windows_have_the_times_of_the_experiment(rotations):
+    """Beginning, middle and end are the first, middle and last 10 s of five minutes."""
+    world, length_s = study_world(), rotations / 10.0
+    window_s = min(10.0, length_s / 3.0)
+    within = np.linspace(0.0, window_s, 50, endpoint=False)
+    for start, expected in (
+        (0.0, 0.0),
+        ((length_s - window_s) / 2.0, 145.0),
+        (length_s - window_s, 290.0),
+    ):
+        times = world.represented_s(start + within, length_s)
+        np.testing.assert_allclose(times, expected + 10.0 * within / window_s, atol=1e-9)
+
+
+@pytest.mark.parametrize("length_s", [300.0, 420.0])
+def test_a_recording_of_the_full_length_represents_itself(length_s):
+    times = np.linspace(0.0, length_s, 100, endpoint=False)
+    np.testing.assert_allclose(study_world().represented_s(times, length_s), times)
+
+
+def test_distances_and_status_bytes_follow_the_temperature():
+    """One centimetre per kelvin: packets of a third differ by the temperature of their part."""
+    cold = changed(
+        without_errors(study_world()),
+        {
+            "warmth/time_constant_s": 60.0,
+            "warmth/samples": {"x": {"halogen": False, "start_k": 20.0}},
+        },
+    )
+    warm = changed(cold, {"scanners/HDL-64E/errors/thermal_cm_per_k": 1.0})
+    raw, status = [], []
+    for world in (cold, warm):
+        content = np.frombuffer(recording(world, "HDL-64E", "P2", rotations=2), dtype=np.uint8)
+        packets = view(content.reshape(-1, 1248)[:, 42:].copy())
+        raw.append(packets["blocks"]["channels"]["distance"].astype(float))
+        status.append(packets["status"])
+    both = (raw[0] > 0) & (raw[1] > 0)
+    thirds = np.array_split(np.arange(len(both)), 3)
+    found = [np.mean((raw[1] - raw[0])[part][both[part]]) * 0.2 for part in thirds]
+    # Means of 20 K exp(-t / 60 s) over 0 to 10, 145 to 155 and 290 to 300 s.
+    assert found == pytest.approx([18.42, 1.64, 0.15], abs=0.05)
+    temperature = status[1][status[1][:, 0] == ord("T"), 1]
+    assert temperature.max() == 46 + 20
+    assert temperature.min() == 46
+
+
+def test_windows_longer_than_the_experiment_are_refused():
+    with pytest.raises(ConfigError, match="three windows of 101 s are longer than 300 s"):
+        changed(study_world(), {"warmth/window_s": 101})
+
+
 def test_distances_are_those_of_the_scene():
     """Without errors a raw distance is the range to the scene, less the correction, in ticks."""
     world = without_errors(study_world())

@@ -102,65 +102,6 @@ def test_a_table_comes_back(tmp_path):
     assert list(some) == ["count"]
 
 
-def returns(rotation: np.ndarray) -> dict[str, np.ndarray]:
-    n = len(rotation)
-    columns = {field.name: np.arange(n) % 200 for field in schemas.RETURNS}
-    return columns | {"rotation": rotation}
-
-
-@pytest.fixture
-def window(tmp_path):
-    """Rotations 7, 8, 11, 12, 13, spread over three row groups that end inside a rotation."""
-    path = tmp_path / "returns.parquet"
-    rotation = np.repeat([7, 8, 11, 12, 13], [5, 6, 7, 8, 9])
-    with storage.table_writer(path, schemas.RETURNS, rotation_rate_hz=10.0) as writer:
-        for rows in np.split(np.arange(35), [9, 20]):
-            writer.write({name: c[rows] for name, c in returns(rotation).items()})
-    return path
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 9])
-def test_the_first_rotations_of_a_window(n, window):
-    whole, facts = storage.read_table(window, schemas.RETURNS)
-    first = np.isin(whole["rotation"], np.unique(whole["rotation"])[:n])
-    names = ["rotation", "distance"]
-    rows, found = storage.read_first(window, schemas.RETURNS, "rotation", n, names)
-    assert list(rows) == names
-    assert found == facts
-    for name in names:
-        np.testing.assert_array_equal(rows[name], whole[name][first])
-        assert rows[name].dtype == whole[name].dtype
-    every, _ = storage.read_first(window, schemas.RETURNS, "rotation", n)
-    np.testing.assert_array_equal(every["azimuth"], whole["azimuth"][first])
-
-
-@pytest.mark.parametrize(("n", "groups"), [(1, 1), (2, 2), (3, 2), (4, 3), (9, 3)])
-def test_row_groups_behind_them_are_not_read(n, groups, window, monkeypatch):
-    read = []
-    original = pq.ParquetFile.read_row_group
-
-    def counted(self, group, **arguments):
-        read.append(group)
-        return original(self, group, **arguments)
-
-    monkeypatch.setattr(pq.ParquetFile, "read_row_group", counted)
-    storage.read_first(window, schemas.RETURNS, "rotation", n)
-    assert read == list(range(groups))
-
-
-def test_the_first_rows_of_an_empty_and_of_another_table(tmp_path):
-    path = tmp_path / "file"
-    storage.write_table(path, schemas.RETURNS, returns(np.zeros(0, int)))
-    rows, _ = storage.read_first(path, schemas.RETURNS, "rotation", 1)
-    assert len(rows["rotation"]) == 0
-    write_parquet(path)
-    with pytest.raises(StorageError, match="kind is 'medians'"):
-        storage.read_first(path, schemas.RETURNS, "rotation", 1)
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(StorageError, match="cannot be read"):
-        storage.read_first(path, schemas.RETURNS, "rotation", 1)
-
-
 def test_numbers_too_large_for_a_column_are_refused(tmp_path):
     with pytest.raises(pa.ArrowInvalid):
         storage.write_table(

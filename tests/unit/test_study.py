@@ -40,6 +40,22 @@ def test_every_scanner_is_calibrated(config):
         read_study(config, "config")
 
 
+def test_recordings_of_five_minutes_differ_in_the_time_and_the_folder_only(root, config):
+    over = read_yaml(root / "config/five_minutes.yaml")
+    assert over.keys() == {"study", "results", "simulation"}
+    longer = config | over | {"simulation": config["simulation"] | over["simulation"]}
+    study = read_study(longer, "config")
+    check_files(study, "config")
+    folder = study.config.folder
+    assert folder != read_study(config, "config").config.folder
+    assert study.observations.points == f"{folder}/simulation/survey/points.csv"
+    assert study.surveyed["sa1"].recording == f"{folder}/simulation/recordings/sa1.bin"
+    assert study.outdoor["ideal1"].calibration == f"{folder}/simulation/factory/HDL-64E.xml"
+    unit = load(read_yaml(root / "config/world.yaml"))
+    rate = unit.scanner("HDL-64E").rotation_rate_hz
+    assert study.config.simulation.rotations / rate == unit.warmth.duration_s
+
+
 def test_a_scanner_may_be_chosen_in_a_sample_table(root, config, tmp_path):
     rows = (root / config["samples"]).read_text().splitlines()
     heading, *samples = [row for row in rows if row and not row.startswith("#")]

@@ -44,6 +44,18 @@ def test_medians_are_shown_with_the_adjustment_of_their_window():
     assert (shown.role, shown.parameter_set) == (Role.WINDOW, "")
 
 
+def test_a_table_says_that_rotations_are_of_the_window_itself():
+    note = "from which its medians were made as well: "
+    assert not any(note in each for each in build("4").notes)
+    own = (SUMMARY["sample"] == "sa3") & (SUMMARY["window"] != "end")
+    summary = SUMMARY.assign(rotations_from=SUMMARY["rotations_from"].where(~own, "window"))
+    said = [each for each in build("4", summary).notes if note in each]
+    assert len(said) == 1
+    assert said[0].endswith("well: sa3 beginning, sa3 middle.")
+    # Medians are always of the window.
+    assert build("2", summary).notes == build("2").notes
+
+
 def test_best_set_depends_on_the_samples_asked_for():
     summary = SUMMARY.copy()
     own = (summary["sample"] == "sa4") & (summary["parameter_set"] == "set3")

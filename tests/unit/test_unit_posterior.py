@@ -130,7 +130,7 @@ def test_gradient_is_that_of_finite_differences():
 
 def _unchanged(mean, covariance, prior_std, spread):
     """A datum that leaves the posterior of the means as it is."""
-    return CommonMean(mean, covariance, mean, np.sqrt(np.diag(covariance)), np.ones(2))
+    return CommonMean(mean, covariance, mean, np.sqrt(np.diag(covariance)), np.ones(3))
 
 
 def described(of, monkeypatch, datum=_unchanged):
@@ -139,6 +139,17 @@ def described(of, monkeypatch, datum=_unchanged):
     survey = {"pose": of.sums.layout.survey.start + np.arange(SURVEY)}
     posterior = Posterior(of.sums, of.std, of.common_std)
     return describe(posterior, np.zeros(0), output, survey), output
+
+
+def between(of, output):
+    """Covariance of the corrections of all lasers with all unknowns, from the dense posterior."""
+    q, m = len(of.std), len(of.common_std)
+    turn = np.zeros((LASERS * 3, LASERS * q + m))
+    for laser in range(LASERS):
+        rows = slice(3 * laser, 3 * laser + 3)
+        turn[rows, laser * q : laser * q + U] = output[laser]
+        turn[rows, LASERS * q : LASERS * q + WITH_MEAN] = output[laser][:, :WITH_MEAN]
+    return turn @ of.dense()[1]
 
 
 def test_covariance_within_and_between_lasers_is_that_of_the_dense_computation(monkeypatch):
@@ -173,16 +184,50 @@ def test_sources_are_covariances_and_sum_to_the_total(monkeypatch):
 
 
 def test_a_known_mean_takes_its_uncertainty_out(monkeypatch):
-    """With the means of alpha and v held at zero, the posterior is that of a model without them."""
+    """With the means of dl, alpha and v at zero, the posterior is that of a model without them."""
     of = case()
 
     def zero(mean, covariance, prior_std, spread):
-        return CommonMean(np.zeros(2), np.zeros((2, 2)), mean, mean, np.zeros(2))
+        return CommonMean(np.zeros(3), np.zeros((3, 3)), mean, mean, np.zeros(3))
 
     found, _ = described(of, monkeypatch, zero)
     tight = of.common_std.copy()
-    tight[[1, 2]] = 1e-7
+    tight[[0, 1, 2]] = 1e-7
     without = Case(of.sums, of.std, tight, of.design, of.noise, of.z)
     expected, _ = described(without, monkeypatch)
     np.testing.assert_allclose(found.corrections, expected.corrections, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-5, atol=1e-7)
+
+
+def test_the_error_of_voff_is_stated_at_least(monkeypatch):
+    """Twice the standard deviation of the model gives four times the variance that voff causes."""
+    of = case()
+    found, output = described(of, monkeypatch)
+    survey = {"pose": of.sums.layout.survey.start + np.arange(SURVEY)}
+    posterior, place = Posterior(of.sums, of.std, of.common_std), UNKNOWNS.index("voff")
+    more = describe(posterior, np.zeros(0), output, survey, 2.0 * of.std[place])
+    less = describe(posterior, np.zeros(0), output, survey, 0.5 * of.std[place])
+    np.testing.assert_array_equal(less.covariance, found.covariance)
+    np.testing.assert_allclose(sum(more.sources.values()), more.covariance, rtol=1e-10)
+    # By voff alone: its influence on the corrections of all lasers, from the dense posterior.
+    influence = between(of, output)[:, [place + k * len(of.std) for k in range(LASERS)]]
+    influence = influence.reshape(LASERS, 3, LASERS) / of.std[place]
+    expected = 3.0 * influence @ np.swapaxes(influence, 1, 2)
+    np.testing.assert_allclose(more.covariance - found.covariance, expected, rtol=1e-7)
+
+
+def test_sources_are_those_of_the_dense_computation(monkeypatch):
+    """The error from one unknown is its column of the posterior covariance over its prior one."""
+    of = case()
+    found, output = described(of, monkeypatch)
+    q, m, stations = len(of.std), len(of.common_std), len(PLANES)
+    random = {"prior": range(WITH_MEAN), "offsets": range(WITH_MEAN, U), "shift": range(U, q)}
+    places = {name: [k * q + i for k in range(LASERS) for i in own] for name, own in random.items()}
+    places["prior"] += range(LASERS * q, LASERS * q + WITH_MEAN)
+    places["shift"] += range(LASERS * q + WITH_MEAN, LASERS * q + WITH_MEAN + stations)
+    places["pose"] = list(range(LASERS * q + m - SURVEY, LASERS * q + m))
+    for name, own in places.items():
+        influence = between(of, output)[:, own] / np.sqrt(of.prior[own])
+        influence = influence.reshape(LASERS, 3, -1)
+        expected = influence @ np.swapaxes(influence, 1, 2)
+        np.testing.assert_allclose(found.sources[name], expected, rtol=1e-7, atol=1e-12)

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 import residuals_validation
 from scipy.stats import chi2
+from support.capture import record_list, write
 from support.station import write_station
 
 from velocal.adjustment.observations import Observations
@@ -19,7 +20,10 @@ from velocal.evaluation.statistics import (
     summary_row,
 )
 from velocal.geometry.planes import Patch, Plane
-from velocal.io import schemas, storage
+from velocal.io import storage
+from velocal.packets.data import encode
+from velocal.recording.scan import inspect
+from velocal.recording.windows import write_index
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 from velocal.study.outputs import Validation
@@ -101,21 +105,58 @@ def test_std_of_a_window_is_that_of_its_lasers():
     assert summary_row(table)["std_cm"] == pytest.approx(np.nanmean(table["std_cm"]))
 
 
-@pytest.mark.parametrize("name", ["before", "after", "factory", "adjusted"])
-def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
-    """The wall stands where the factory's parameters see it; the set is 10 cm off."""
+#: Firings of a rotation, and its complete ones, of the recording of a wall.
+FIRINGS, ROTATIONS = 240, 11
+
+
+def recording_of_a_wall(folder, factory, known, moved):
+    """Packets of a head in front of the plane y = 4 m, and the index of its rotations.
+
+    The plane is further by `moved[i]` in the complete rotation i + 1. The recording begins and ends
+    within a rotation. Only beams near the normal return: a head as fast as this one turns by
+    a degree within a firing.
+    """
+    n = (ROTATIONS + 1) * FIRINGS
+    number = np.arange(n) + FIRINGS // 2
+    azimuth = number % FIRINGS * (36_000 // FIRINGS)
+    away = 4.0 + np.concatenate([[0.0], moved, [0.0]])[number // FIRINGS]
+    ahead = np.cos(np.deg2rad(azimuth * 0.01))[:, None]
+    distance = np.where(ahead > np.cos(np.deg2rad(4.0)), away[:, None] / ahead, 0.0)
+    distance = distance / np.cos(factory.v)
+    payloads = encode(
+        np.full((n // 12, 12), known.flags[0], dtype=np.uint16),
+        azimuth.reshape(-1, 12).astype(np.uint16),
+        np.round(distance / known.distance_tick_m).reshape(-1, 12, 32).astype(np.uint16),
+        np.zeros((n // 12, 12, 32), dtype=np.uint8),
+        (553 * np.arange(n // 12)).astype(np.uint32),
+        np.tile(np.array([0x37, 0x21], dtype=np.uint8), (n // 12, 1)),
+    )
+    path, index = write(folder, record_list(payloads, 42)), folder / "rotations.parquet"
+    found = inspect(path).index
+    assert list(np.flatnonzero(found.complete)) == list(range(1, ROTATIONS + 1))
+    write_index(index, found)
+    return path, index
+
+
+@pytest.mark.parametrize(
+    ("length", "singles", "origin"), [(3, 1, "outside"), (3, 3, "window"), (1, 3, "outside")]
+)
+@pytest.mark.parametrize("name", ["before", "factory"])
+def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(
+    tmp_path, name, length, singles, origin
+):
+    """The wall stands where the factory's parameters see it; the set is 10 cm off.
+
+    It stands there in the rotations that are to be used only, and 20 cm further in the others.
+    """
     known = SCANNERS["HDL-32E"]
     factory = nominal(known)
-    laser = np.repeat(np.arange(known.n_lasers), 50)
-    azimuth = np.tile(np.arange(50), known.n_lasers)
-    distance = 4.0 / np.cos(factory.v[laser]) / np.cos(np.deg2rad(azimuth * 0.01))
-    columns = {
-        "rotation": np.zeros(len(laser)), "timestamp": np.zeros(len(laser)), "azimuth": azimuth,
-        "laser_id": laser, "distance": np.round(distance / known.distance_tick_m),
-        "intensity": np.zeros(len(laser)), "return": np.zeros(len(laser)),
-    }  # fmt: skip
-    returns, survey = tmp_path / "returns.parquet", tmp_path / "P1.json"
-    storage.write_table(returns, schemas.RETURNS, columns, rotation_rate_hz=10.0)
+    # Complete are 1 to 11; windows of three are 1 2 3, 5 6 7 and 9 10 11, windows of one 1, 6, 11.
+    used = {(3, 1): [8], (3, 3): [5, 6, 7], (1, 3): [5, 7, 8]}[length, singles]
+    moved = np.full(ROTATIONS, 0.2)
+    moved[np.array(used) - 1] = 0.0
+    recording, rotations = recording_of_a_wall(tmp_path, factory, known, moved)
+    survey = tmp_path / "P1.json"
     corners = np.array([[x, 4.0, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))])
     plane = Plane(np.array([0.0, 1.0, 0.0]), -4.0, np.zeros((4, 4)))
     write_station(survey, "P1", known.name, [Patch("wall", plane, corners)])
@@ -123,13 +164,15 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
     formats.write(of_set, factory.corrected({"dl": np.full(known.n_lasers, 0.1)}))
     statistics = tmp_path / "statistics.csv"
     residuals_validation.main(
-        returns=returns, survey=survey, calibration=None, sets=[of_set], statistics=statistics,
-        sample="a", window="middle", scanner=known.name, parameter_sets=[name],
+        recording=recording, rotations=rotations, survey=survey, calibration=None, sets=[of_set],
+        statistics=statistics, sample="a", window="middle", scanner=known.name, port=None,
+        address=None, which="strongest", length=length, candidates=[name], units=[],
         limits=AssignmentLimits(distance_cm=50, incidence_deg=70, edge_cm=5),
-        validation=Validation(rotations=1, sigma_cm=2.0),
+        validation=Validation(rotations=singles, sigma_cm=2.0),
     )  # fmt: skip
     rows = pd.DataFrame(storage.read_csv(statistics, text=KEYS))
     assert len(rows) == 2 * known.n_lasers
+    assert set(rows["rotations_from"]) == {origin}
     assert rows["role"].tolist() == ["factory"] * known.n_lasers + ["set"] * known.n_lasers
     assert rows["parameter_set"].tolist() == [""] * known.n_lasers + [name] * known.n_lasers
     rms = rows.groupby(rows.index // known.n_lasers)["rms_cm"].mean()
@@ -139,7 +182,9 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(tmp_path, name):
 def test_a_name_belongs_to_a_set_and_to_nothing_else():
     factory = nominal(SCANNERS["VLP-16"])
     for role, name in ((Role.SET, ""), (Role.FACTORY, "set1"), (Role.WINDOW, "set1")):
-        with pytest.raises(VelocalError, match="a name for the role 'set', none for the others"):
+        with pytest.raises(
+            VelocalError, match="a name for the roles 'set' and 'unit', none for the others"
+        ):
             Candidate(role, factory, name)
 
 

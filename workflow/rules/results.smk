@@ -5,7 +5,8 @@
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
 #       {results}/published/misses.csv       those outside their tolerance, with the known reason;
 #                                            the run fails if another one is outside
-#       {results}/report.html                all of it on one page that needs no network
+#       {results}/report.html                all of it on one page that needs no network; it is
+#                                            written before that check, and shows what fails
 
 from velocal.paper.printed import KNOWN_MISSES
 
@@ -16,6 +17,7 @@ TABLE_FILES = expand(
 )
 AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
 CLAIMS = f"{RESULTS}/published/claims.csv" if SETTINGS.compare_with_paper else []
+ROTATIONS = SETTINGS.simulation.rotations if SETTINGS.simulation else None
 MISSES = f"{RESULTS}/published/misses.csv" if SETTINGS.compare_with_paper else []
 
 
@@ -56,11 +58,14 @@ rule check_agreement:
     input:
         agreement=f"{RESULTS}/published/agreement.csv",
         known=KNOWN_MISSES,
+        report=f"{RESULTS}/report.html",  # written first, so that it exists if this fails
     output:
         misses=f"{RESULTS}/published/misses.csv",
     log:
         f"{RESULTS}/logs/check_agreement.log",
     localrule: True
+    params:
+        rotations=ROTATIONS,
     script:
         "../../scripts/check_agreement.py"
 
@@ -73,6 +78,7 @@ rule write_report:
         ),
         agreement=AGREEMENT,
         claims=CLAIMS,
+        listed_misses=KNOWN_MISSES if AGREEMENT else [],
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         sets=expand("{path}.csv", path=SETS),
@@ -97,6 +103,7 @@ rule write_report:
     params:
         title=SETTINGS.study,
         simulated=bool(WORLD),
+        rotations=ROTATIONS,
         tables=SETTINGS.plain()["tables"],
         figures=SETTINGS.plain()["figures"],
         samples=[*STUDY.samples, *STUDY.outdoor],

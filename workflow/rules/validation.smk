@@ -2,7 +2,8 @@
 #
 # in:   assigned medians and the window's own adjustment (calibration data), or the calibration
 #       of the unit where the study has no parameter sets;
-#       single rotations of the returns and every parameter set and calibration (validation)
+#       single rotations of the recording, outside the windows, and every parameter set and
+#       calibration (validation)
 # out:  {results}/residuals/{sample}/{window}.parquet               s of every median
 #       {results}/statistics/calibration/{sample}/{window}.csv      per laser, before and after
 #       {results}/statistics/validation/{sample}/{window}.csv       per laser, before and each set
@@ -36,7 +37,8 @@ rule residuals_calibration:
 
 rule residuals_validation:
     input:
-        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+        recording=lambda wildcards: sample_of(wildcards).recording,
+        rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
         sets=lambda wildcards: expand(
@@ -50,6 +52,10 @@ rule residuals_validation:
         f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
+        port=lambda wildcards: sample_of(wildcards).port,
+        address=lambda wildcards: sample_of(wildcards).address,
+        which=SETTINGS.reduction.which,
+        length=lambda wildcards: SETTINGS.windows.rotations,
         candidates=lambda wildcards: list(
             STUDY.candidates(sample_of(wildcards).scanner)
         ),

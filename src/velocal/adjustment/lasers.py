@@ -252,6 +252,7 @@ def _quality(
     )
     combinations = quality.non_estimable(names, step)
     variance = float(weight @ residuals**2) / redundancy if redundancy > 0 else float("nan")
+    stated = np.sqrt(np.diag(sum(parts.values(), np.zeros_like(noise))))
     message = block.message
     if combinations:
         message += f"; rank {step.rank} of {len(names)}, left to the prior: "
@@ -273,11 +274,11 @@ def _quality(
         count=len(residuals),
         variance=variance,
         variance_factor=factor,
-        variance_factor_p=quality.variance_factor_test(factor, redundancy),
         redundancy=redundancy,
         iterations=block.iterations,
         converged=block.converged,
         message=message,
+        std_above_prior=quality.above(names, stated, block.state.prior_std),
     )
 
 
@@ -302,7 +303,6 @@ def _unobserved(names: tuple[str, ...], prior_std: Array) -> Adjustment:
         count=0,
         variance=nan,
         variance_factor=nan,
-        variance_factor_p=nan,
         redundancy=0,
         iterations=0,
         converged=False,

@@ -154,6 +154,12 @@ def weakly_determined(names: Sequence[str], step: Step) -> tuple[str, ...]:
     return tuple(name for name, share in zip(names, shares, strict=True) if share < DETERMINED)
 
 
+def above(names: Sequence[str], std: Array, prior_std: Array) -> tuple[str, ...]:
+    """Parameters whose standard deviation exceeds the prior one by more than rounding."""
+    larger = std > prior_std * (1.0 + 1e-9)
+    return tuple(name for name, chosen in zip(names, larger, strict=True) if chosen)
+
+
 def non_estimable(names: Sequence[str], step: Step) -> tuple[str, ...]:
     """Combinations of parameters, in units of their prior, that the data do not determine.
 

@@ -40,8 +40,8 @@ class LaserQuality:
         Standard deviation of the residuals, metres.
     variance_factor : float
         Sum of squared residuals in units of their a-priori standard deviation, over the redundancy.
-    variance_factor_p : float
-        Two-sided p-value of the test of H0: variance factor is 1.
+        It is far from 1 where the a-priori noise is the datasheet's; there is no test of it,
+        because the residuals are correlated.
     condition : float
         Of the scaled design matrix.
     least_redundancy_number : float
@@ -56,6 +56,10 @@ class LaserQuality:
         Whether the iteration converged.
     message : str
         What happened, in words.
+    std_above_prior : tuple of str
+        Parameters whose stated standard deviation, of all sources, is larger than the prior one:
+        the data change them although the initial value is known better. Solvers that truncate
+        decide by independent noise, see `PaperModel`.
     """
 
     count: int
@@ -63,13 +67,13 @@ class LaserQuality:
     redundancy: int
     residual_std_m: float
     variance_factor: float
-    variance_factor_p: float
     condition: float
     least_redundancy_number: float
     weakly_determined: tuple[str, ...]
     iterations: int
     converged: bool
     message: str
+    std_above_prior: tuple[str, ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,9 @@ class Adjustment(LaserQuality):
     @property
     def quality(self) -> LaserQuality:
         """Summary in numbers, without the arrays by observation."""
-        return LaserQuality(*(getattr(self, each.name) for each in fields(LaserQuality)))
+        return LaserQuality(
+            **{each.name: getattr(self, each.name) for each in fields(LaserQuality)}
+        )
 
     def interval(self, level: float = 0.95) -> Array:
         """Half widths of confidence intervals, shape (u,).
@@ -255,10 +261,11 @@ class CalibrationSet:
                 where="columns of an adjustment",
                 allowed=f"corrections for {len(initial)} lasers",
             )
-        rows = zip(*(_column(columns, each.name) for each in fields(LaserQuality)), strict=True)
+        of = fields(LaserQuality)
+        rows = zip(*(_column(columns, each.name) for each in of), strict=True)
         quality = tuple(
             LaserQuality(
-                *(_READ[str(e.type)](v) for e, v in zip(fields(LaserQuality), row, strict=True))
+                **{e.name: _READ[str(e.type)](value) for e, value in zip(of, row, strict=True)}
             )
             for row in rows
         )
@@ -328,7 +335,8 @@ class CalibrationSet:
             columns[f"{name}_noise_std_{unit}"] = noise_std[:, number].tolist()
         for each in fields(LaserQuality):
             columns[each.name] = [getattr(one, each.name) for one in self.quality]
-        columns["weakly_determined"] = [" ".join(names) for names in columns["weakly_determined"]]
+        for listed in ("weakly_determined", "std_above_prior"):
+            columns[listed] = [" ".join(names) for names in columns[listed]]
         columns["converged"] = [int(value) for value in columns["converged"]]
         return columns
 

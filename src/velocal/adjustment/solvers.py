@@ -173,8 +173,10 @@ class PaperModel(_EqualWeights):
     Attributes
     ----------
     truncate_at : float or None
-        A direction is left at zero where its posterior standard deviation exceeds this many
-        prior ones. None truncates at machine precision only, as a pseudo-inverse does.
+        A direction is left at zero where its posterior standard deviation for independent noise of
+        the stated size exceeds this many prior ones. The stated covariance, which knows that noise
+        is correlated, is not used: it follows from the residuals of the adjustment. None truncates
+        at machine precision only, as a pseudo-inverse does.
     """
 
     truncate_at: float | None = 1.0

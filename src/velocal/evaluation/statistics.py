@@ -13,11 +13,18 @@ from scipy.special import gammaincinv
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
 from velocal.evaluation.candidates import IDENTITY, Candidate
+from velocal.evaluation.variance_test import correlated_variance_test, holm
 
 #: Columns that say which residuals a row of statistics is of.
 KEYS = ("scanner", "sample", "window", "data", *IDENTITY)
+#: Column that says whether the rotations are the window's own ("window") or outside all windows
+#: ("outside").
+ROTATIONS_FROM = "rotations_from"
 #: Significance of the variance tests.
 ALPHA = 0.05
+#: Columns that count lasers whose variance is significantly below sigma^2: the paper's two tests,
+#: then that for correlated residuals, for every laser alone and for all lasers together.
+COMPLIES = ("complies_zero", "complies_mean", "complies_correlated", "complies_holm")
 
 
 @dataclass(frozen=True)
@@ -35,8 +42,9 @@ class LaserStatistics:
     within_1sigma, within_3sigma : ndarray
         Share of residuals smaller than one and three datasheet sigmas.
     complies_zero, complies_mean : ndarray of bool
-        Whether the variance about zero, or about the mean, is significantly below sigma^2
-        (one-sided chi-square test at 5 %).
+        Whether the variance about zero, or about the mean, is significantly below sigma^2 by the
+        paper's test: one-sided chi-square at 5 %, for every laser alone, as if residuals were
+        independent. `statistics_columns` also gives a test for correlated residuals.
     """
 
     count: NDArray[np.int64]
@@ -123,6 +131,7 @@ def statistics_columns(
     laser_id: NDArray[np.integer],
     n_lasers: int,
     sigma_m: float,
+    phi: Array | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Statistics as columns of a table, a row per laser, in centimetres and per cent.
 
@@ -132,20 +141,32 @@ def statistics_columns(
         Columns that are the same in every row.
     s, laser_id, n_lasers, sigma_m
         As for `laser_statistics`.
+    phi : ndarray, shape (n,), optional
+        Rotational angles of the residuals, radians, for the test of correlated residuals.
 
     Returns
     -------
     dict of str to ndarray, shape (n_lasers,)
         The heading, ``laser_id``, ``count``, ``rms_cm`` (about zero), ``mean_cm``, ``std_cm``
-        (about the mean), shares and tests.
+        (about the mean), shares, and the paper's tests ``complies_zero`` and ``complies_mean``.
+        With `phi` also the test about zero for residuals that are correlated along azimuth:
+        ``effective_count``, ``p_correlated``, ``complies_correlated`` (5 % for every laser alone)
+        and ``complies_holm`` (5 % for all lasers of the scanner together).
     """
     lasers = laser_statistics(s, laser_id, n_lasers, sigma_m)
-    return {
+    columns = {
         **{name: np.full(n_lasers, value) for name, value in heading.items()},
         "laser_id": np.arange(n_lasers),
         "count": lasers.count,
         **{name: getattr(lasers, of) * factor for name, (of, factor) in _COLUMNS.items()},
     }
+    if phi is not None:
+        tested = correlated_variance_test(s, phi, laser_id, n_lasers, sigma_m)
+        columns["effective_count"] = tested.effective_count
+        columns["p_correlated"] = tested.p
+        columns["complies_correlated"] = (tested.p < ALPHA).astype(int)
+        columns["complies_holm"] = holm(tested.p, ALPHA).astype(int)
+    return columns
 
 
 def statistics_table(
@@ -178,6 +199,7 @@ def statistics_table(
             data.laser_id,
             len(each.parameters),
             sigma_m,
+            data.phi,
         )
         for each in candidates
     ]
@@ -198,9 +220,9 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
         ``rms_cm``: mean over the lasers of the root mean square about zero, which is what the
         paper's tables print as "standard deviation". ``pooled_rms_cm``: root mean square of all
         residuals. ``std_cm``: mean over the lasers of the standard deviation about the mean of
-        the laser. Shares of all residuals within one and three sigmas; lasers whose variance is
-        significantly below sigma^2; lasers with residuals and number of residuals. NaN where
-        there are none.
+        the laser. Shares of all residuals within one and three sigmas; number of lasers whose
+        variance is significantly below sigma^2, by every test of the table; lasers with residuals
+        and number of residuals. NaN where there are none.
     """
     column = {name: np.asarray(lasers[name], dtype=float) for name in ("count", *_COLUMNS)}
     seen = column["count"] > 0
@@ -220,8 +242,7 @@ def summary_row(lasers: Mapping[str, Any]) -> dict[str, float]:
         "std_cm": mean("std_cm"),
         "within_1sigma_pct": mean("within_1sigma_pct", weighted=True),
         "within_3sigma_pct": mean("within_3sigma_pct", weighted=True),
-        "complies_zero": int(column["complies_zero"].sum()),
-        "complies_mean": int(column["complies_mean"].sum()),
+        **{name: int(np.sum(lasers[name])) for name in COMPLIES if name in lasers},
         "lasers": int(seen.sum()),
         "count": int(weight.sum()),
     }

@@ -179,56 +179,6 @@ def read_table(
     return {name: table[name].to_numpy() for name in table.column_names}, facts
 
 
-def read_first(
-    path: Path, schema: pa.Schema, key: str, n: int, columns: list[str] | None = None
-) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:
-    """Read the rows of a Parquet table that hold the first `n` values of a sorted column.
-
-    Only as many row groups as hold these values are read: of a window of returns, whose rows are
-    sorted by rotation, one scan is a hundredth.
-
-    Parameters
-    ----------
-    path : Path
-    schema : Schema
-        With which the table was written.
-    key : str
-        Integer column by which the rows are sorted, increasing.
-    n : int
-        Number of different values of it, at least 1; fewer where the table ends.
-    columns : list of str, optional
-        Columns to read, with `key` among them; all if None.
-
-    Returns
-    -------
-    columns : dict of str to ndarray
-    facts : dict
-        What was stored about the table.
-
-    Raises
-    ------
-    StorageError
-        If the file is damaged, or of another kind or version.
-    """
-    try:
-        with pq.ParquetFile(path) as file:
-            facts = _facts(file.schema_arrow, schema, path)
-            parts, seen = [], np.zeros(0)
-            for group in range(file.num_row_groups):
-                parts.append(file.read_row_group(group, columns=columns))
-                seen = np.union1d(seen, parts[-1][key].to_numpy())
-                if len(seen) > n:
-                    break
-            table = pa.concat_tables(parts) if parts else file.read(columns=columns)
-    except (OSError, pa.ArrowException) as error:
-        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
-    rows = {name: table[name].to_numpy() for name in table.column_names}
-    if len(seen) <= n:
-        return rows, facts
-    end = int(np.searchsorted(rows[key], seen[n]))
-    return {name: column[:end] for name, column in rows.items()}, facts
-
-
 def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
     """Facts of a table, which has to be of the kind and version of a schema."""
     metadata = found.metadata or {}

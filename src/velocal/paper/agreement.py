@@ -107,8 +107,8 @@ def of_cells(shown: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells, columns=list(COLUMNS))
 
 
-def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
-    """Refuse an agreement that has become another one.
+def unexpected(agreement: pd.DataFrame, known: Mapping[str, str]) -> list[str]:
+    """What of an agreement is not as it was, a line each.
 
     Parameters
     ----------
@@ -116,6 +116,33 @@ def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
         Columns `COLUMNS`, all items of the study.
     known : mapping of str to str
         Items that are known to be missed, with the reason (`printed.known_misses`).
+
+    Returns
+    -------
+    list of str
+        Items that are missed and not known to be, then known misses that are met or do not exist.
+    """
+    missed = agreement[agreement["within"] != "true"]
+    fresh = missed[~missed["item"].isin(list(known))]
+    lines = [
+        f"{row['item']}: printed {row['paper']:g}, reproduced {row['reproduced']:g}, "
+        f"allowed difference {row['tolerance']:g}"
+        for row in fresh.to_dict(orient="records")
+    ]
+    return lines + [
+        f"{item}: is listed as a known miss, but it is not missed"
+        for item in known
+        if item not in set(missed["item"])
+    ]
+
+
+def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
+    """Refuse an agreement that has become another one.
+
+    Parameters
+    ----------
+    agreement, known
+        As for `unexpected`.
 
     Returns
     -------
@@ -127,27 +154,16 @@ def check(agreement: pd.DataFrame, known: Mapping[str, str]) -> pd.DataFrame:
     VelocalError
         If an item is missed that is not known to be, or a known miss is met or does not exist.
     """
-    missed = agreement[agreement["within"] != "true"]
-    fresh = missed[~missed["item"].isin(list(known))]
-    faults = [
-        f"{row['item']}: printed {row['paper']:g}, reproduced {row['reproduced']:g}, "
-        f"allowed difference {row['tolerance']:g}"
-        for row in fresh.to_dict(orient="records")
-    ]
-    faults += [
-        f"{item}: is listed as a known miss, but it is not missed"
-        for item in known
-        if item not in set(missed["item"])
-    ]
-    if faults:
+    if lines := unexpected(agreement, known):
         raise VelocalError(
-            f"{len(faults)} of {len(agreement)} items are not as they were:\n  "
-            + "\n  ".join(faults),
+            f"{len(lines)} of {len(agreement)} items are not as they were:\n  "
+            + "\n  ".join(lines),
             where="agreement with the paper",
             allowed="the misses of known_misses.csv and no others",
             hint="Numbers of the study have changed. If that is meant, change known_misses.csv and "
             "give the reason of every miss.",
         )
+    missed = agreement[agreement["within"] != "true"]
     return missed.assign(reason=missed["item"].map(known))
 
 
@@ -209,8 +225,10 @@ def of_statements(found: Mapping[str, float], *, partial: bool = False) -> pd.Da
 def said_by_tables(shown: pd.DataFrame) -> dict[str, float]:
     """Numbers of the text that are means over the rows of a table.
 
-    Lasers: those whose variance about zero is significantly below sigma^2. About the laser's own
-    mean nearly all of them comply before any calibration, which is not what was printed.
+    Lasers: those whose variance about zero is significantly below sigma^2 by the paper's test,
+    which takes residuals as independent; the test for correlated residuals has no printed number.
+    About the laser's own mean nearly all of them comply before any calibration, which is not what
+    was printed.
 
     Parameters
     ----------

@@ -130,6 +130,6 @@ def shown_after(
     """
     chosen = (summary["data"] == data) & (summary["scanner"] == scanner)
     chosen &= summary["sample"].isin(list(samples))
-    if data == "calibration" and (summary[chosen]["role"] == Role.WINDOW.value).any():
+    if data == "calibration" and not (summary[chosen]["role"] == Role.UNIT.value).any():
         return Shown(Role.WINDOW)
     return best_set(summary[chosen], f"{scanner}, samples {', '.join(samples)}", where)

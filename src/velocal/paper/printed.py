@@ -117,9 +117,26 @@ def printed_statements() -> pd.DataFrame:
     return pd.read_csv(STATEMENTS, comment="#")
 
 
-def known_misses(path: Path = KNOWN_MISSES) -> dict[str, str]:
-    """Items of the study (seed 2015) that are known to be missed, each with the reason."""
-    rows = pd.read_csv(path)
+def known_misses(path: Path = KNOWN_MISSES, rotations: int | None = None) -> dict[str, str]:
+    """Items of the study (seed 2015) that are known to be missed, each with the reason.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with the columns item, rotations and reason. A row with a number of rotations is for
+        simulated recordings of this length only: windows of other recordings have other noise, and
+        an item near its tolerance may be within it.
+    rotations : int, optional
+        Rotations of the simulated recordings; without it all rows are meant.
+
+    Returns
+    -------
+    dict of str to str
+        Reasons by item.
+    """
+    rows = pd.read_csv(path, dtype={"rotations": "Int64"})
+    if rotations is not None:
+        rows = rows[rows["rotations"].isna() | (rows["rotations"] == rotations).fillna(False)]
     return dict(zip(rows["item"], rows["reason"], strict=True))
 
 

@@ -6,6 +6,7 @@ Recordings still go through their bytes, in a file that is removed again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,13 +16,14 @@ import pandas as pd
 from velocal.adjustment.average import Member, average
 from velocal.chain import adjust, observe
 from velocal.evaluation.candidates import Candidate, Role, with_sets
-from velocal.evaluation.statistics import statistics_table
+from velocal.evaluation.statistics import ROTATIONS_FROM, statistics_table
 from velocal.io import storage
 from velocal.paper import agreement as comparison
 from velocal.paper import tables
 from velocal.paper.printed import tolerances_of_mean
 from velocal.recording.recording import open_recording
 from velocal.recording.returns import Returns
+from velocal.recording.windows import single_rotations
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation import capture
 from velocal.simulation.survey import field_book
@@ -131,7 +133,9 @@ def _of_scanner(
         if position not in at:
             at = {position: capture.shots_at(world, scanner, position)}
         station = survey.station(scanner, position, study.assignment.planes, where="replica")
-        for window, returns in _windows(world, sample, rotations, at[position]):
+        for window, returns, single, origin in _windows(
+            world, sample, rotations, study.validation.rotations, at[position]
+        ):
             heading = {"scanner": scanner, "sample": sample.name, "window": window}
             # A bin may hold a single return, as there are fewer rotations.
             medians = returns.medians(azimuth_bin_deg=bin_deg, min_count=1)
@@ -139,13 +143,13 @@ def _of_scanner(
             found = adjust(data, factory, study.adjustment(scanner), [station.uncertainty()])
             adjustments.setdefault(sample.name, []).append(Member(sample.name, position, found))
             pair = [Candidate(Role.FACTORY, factory), Candidate(Role.WINDOW, found.adjusted)]
-            heading |= {"data": "calibration"}
+            heading |= {"data": "calibration", ROTATIONS_FROM: "window"}
             yield pd.DataFrame(statistics_table(heading, pair, data, sigma_m))
-            scan = returns.beams(study.validation.rotations)
-            scans[sample.name, window] = observe(scan, station, factory, limits)
+            scans[sample.name, window] = observe(single.beams(), station, factory, limits), origin
     sets = _sets(study, scanner, factory, adjustments)
-    for (name, window), data in scans.items():
+    for (name, window), (data, origin) in scans.items():
         heading = {"scanner": scanner, "sample": name, "window": window, "data": "validation"}
+        heading |= {ROTATIONS_FROM: origin}
         yield pd.DataFrame(statistics_table(heading, with_sets(factory, sets), data, sigma_m))
 
 
@@ -164,9 +168,9 @@ def _sets(
 
 
 def _windows(
-    world: World, sample: SurveyedSample, rotations: int, shots: capture.Shots
-) -> Iterator[tuple[str, Returns]]:
-    """Returns of every window, decoded from a recording."""
+    world: World, sample: SurveyedSample, rotations: int, singles: int, shots: capture.Shots
+) -> Iterator[tuple[str, Returns, Returns, str]]:
+    """Returns of every window and of its single rotations, decoded from a recording."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "recording.bin"
         # Some rotations lie between the windows, as in the study's recordings.
@@ -177,4 +181,7 @@ def _windows(
         storage.write_blocks(path, blocks)
         recording = open_recording(path, sample.scanner)
         for window in sample.windows:
-            yield window, recording.returns(window, length=rotations)
+            chosen = single_rotations(recording.rotations, window, rotations, singles, str(path))
+            rate_hz = recording.rotations.rate_hz()
+            single = replace(recording.returns(chosen.numbers), rotation_rate_hz=rate_hz)
+            yield window, recording.returns(window, length=rotations), single, chosen.origin

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from velocal.errors import ConfigError, VelocalError
-from velocal.evaluation.statistics import KEYS, summary_row
+from velocal.evaluation.statistics import KEYS, ROTATIONS_FROM, summary_row
 from velocal.io.markup import latex_tabular, latex_text, markdown_table
 from velocal.paper.best_set import BEFORE, Shown, shown_after
 from velocal.study import figures
@@ -36,7 +36,10 @@ QUANTITIES = (
 )
 
 #: What the rows are made from, by `data`.
-DATA = {"calibration": "medians of the windows", "validation": "single scans of the windows"}
+DATA = {
+    "calibration": "medians of the windows",
+    "validation": "single rotations next to the windows",
+}
 
 _HEADINGS = {
     "sample": "Sample",
@@ -82,11 +85,12 @@ def summarised(lasers: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns `KEYS` and those of `summary_row`.
+        Columns `KEYS`, `ROTATIONS_FROM`, and those of `summary_row`.
     """
+    keys = [*KEYS, ROTATIONS_FROM]
     rows = [
-        {**dict(zip(KEYS, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
-        for key, group in lasers.groupby(list(KEYS), sort=False)
+        {**dict(zip(keys, key, strict=True)), **summary_row({str(k): v for k, v in group.items()})}
+        for key, group in lasers.groupby(keys, sort=False)
     ]
     return pd.DataFrame(rows)
 
@@ -145,8 +149,25 @@ def build(
         ROMAN[number],
         pd.concat(halves, ignore_index=True)[list(COLUMNS)],
         f"{scanner}, {data} data ({DATA[data]}): residuals s before and after calibration.",
-        (_after_note(after), QUANTITIES, *([SIMULATED] if simulated else [])),
+        (
+            _after_note(after),
+            QUANTITIES,
+            *_without_spare(of_data[of_data["sample"].isin(samples)]),
+            *([SIMULATED] if simulated else []),
+        ),
     )
+
+
+def _without_spare(rows: pd.DataFrame) -> list[str]:
+    """Note on validation data that are not independent of the window's medians."""
+    own = rows[(rows["data"] == "validation") & (rows[ROTATIONS_FROM] == "window")]
+    if own.empty:
+        return []
+    which = ", ".join(dict.fromkeys(own["sample"] + " " + own["window"]))
+    return [
+        f"The windows of these recordings leave no rotations outside, so that rotations of the "
+        f"window itself are shown, from which its medians were made as well: {which}."
+    ]
 
 
 def _after_note(after: Shown) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from velocal.io import schemas, storage
 from velocal.packets.data import BLOCKS
 from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.rotation_index import RotationIndex
+from velocal.study.samples import WINDOWS
 
 #: Number of rotations, evenly spaced, from which the temperature of a window is read.
 TEMPERATURE_ROTATIONS = 10
@@ -103,6 +105,62 @@ def window_rotations(
         "end": len(complete) - length,
     }[window]
     return complete[start : start + length]
+
+
+@dataclass(frozen=True)
+class SingleRotations:
+    """Single rotations of a recording that stand for a window.
+
+    Attributes
+    ----------
+    numbers : ndarray of int64
+        Numbers of the rotations, ascending.
+    origin : {"outside", "window"}
+        Whether they are outside all windows, or the window's own.
+    """
+
+    numbers: NDArray[np.int64]
+    origin: str
+
+
+def single_rotations(
+    index: RotationIndex, window: str, length: int, count: int, where: str
+) -> SingleRotations:
+    """Choose the rotations nearest to a window that belong to no window.
+
+    What was adjusted on a window can be validated with them: they are other measurements at about
+    the same time. Where the windows leave fewer rotations than needed, the first ones of the window
+    are chosen.
+
+    Parameters
+    ----------
+    index : RotationIndex
+    window : {"beginning", "middle", "end"}
+    length : int
+        Number of rotations of a window.
+    count : int
+        How many to choose.
+    where : str
+        Recording, for the error.
+
+    Returns
+    -------
+    SingleRotations
+        Of two that are equally near, the later one.
+
+    Raises
+    ------
+    ConfigError
+        If the recording has fewer complete rotations than the three windows need.
+    """
+    windows = {name: window_rotations(index, name, length, where) for name in WINDOWS}
+    own = windows[window]
+    spare = np.setdiff1d(np.flatnonzero(index.complete), np.concatenate(list(windows.values())))
+    if len(spare) < count:
+        return SingleRotations(own[:count], "window")
+    away = np.maximum(own[0] - spare, spare - own[-1])
+    nearest = np.lexsort((-spare, away))[:count]
+    return SingleRotations(np.sort(spare[nearest]), "outside")
 
 
 def read_rotations(

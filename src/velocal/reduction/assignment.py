@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,10 +15,6 @@ from velocal.scanner.parameters import LaserParameters
 
 #: Index of no plane.
 NO_PLANE = 255
-#: Columns of the table of returns that a scan needs.
-COLUMNS = ["rotation", "azimuth", "laser_id", "distance"]
-
-Columns = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -79,26 +75,6 @@ def assign(
         nearest[chosen] = expected[chosen]
         plane[chosen] = index
     return plane
-
-
-def first_rotations(columns: Columns, rotations: int) -> dict[str, NDArray[Any]]:
-    """Choose the returns of the first rotations, without the empty shots.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (n,)
-        `COLUMNS` of a table of returns.
-    rotations : int
-        How many.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (m,)
-        The same columns.
-    """
-    first = np.unique(columns["rotation"])[:rotations]
-    chosen = np.isin(columns["rotation"], first) & (columns["distance"] > 0)
-    return {name: column[chosen] for name, column in columns.items()}
 
 
 def assigned_rows(

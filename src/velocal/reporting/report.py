@@ -18,6 +18,7 @@ import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
 from velocal.evaluation.certificate import Certificate
+from velocal.evaluation.statistics import COMPLIES
 from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
 from velocal.paper import agreement
@@ -104,6 +105,8 @@ class Study:
         Statistics of all windows; every printed entry with the reproduced one.
     claims : DataFrame or None
         Claims of the paper with their verdicts.
+    unexpected : sequence of str
+        What of the agreement is not as it was, a line each.
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
@@ -134,6 +137,7 @@ class Study:
     summary: pd.DataFrame | None = None
     agreement: pd.DataFrame | None = None
     claims: pd.DataFrame | None = None
+    unexpected: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
@@ -169,6 +173,7 @@ def render(study: Study) -> str:
         **vars(study),
         "overview": _overview(study.summary),
         "agreement": agreement.counts(cells),
+        "unexpected": study.unexpected,
         "statements": agreement.statements_of(cells),
         "claims": [] if study.claims is None else study.claims.to_dict(orient="records"),
         "cells": cells,
@@ -204,6 +209,7 @@ def render(study: Study) -> str:
         "field": _plain(study.field_table),
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
+        "tests": COMPLIES,
         "tolerances": TOLERANCES,
     }
     return environment().get_template("report.html.j2").render(content)
@@ -268,7 +274,7 @@ def _overview(summary: pd.DataFrame | None) -> list[dict[Hashable, Any]]:
     if summary is None:
         return []
     keys = ["scanner", "data", *IDENTITY]
-    names = [*STATISTICS.values(), "complies_zero", "complies_mean", "lasers"]
+    names = [*STATISTICS.values(), *COMPLIES, "lasers"]
     scanners = list(dict.fromkeys(summary["scanner"]))
     summary = summary.sort_values("scanner", key=lambda s: s.map(scanners.index), kind="stable")
     means = summary.groupby(keys, sort=False)[names].mean().reset_index()

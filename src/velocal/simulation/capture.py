@@ -133,11 +133,12 @@ def records(
     """
     scanner, unit = SCANNERS[scanner_name], world.scanner(scanner_name)
     rng = world.rng("shots", scanner_name, sample)
-    drift_ticks = drift(world, scanner_name, sample) / scanner.distance_tick_m
+    drifts = drift(world, scanner_name, sample)
     packet_interval = 1.0 / scanner.packet_rate_hz
     firings_per_packet = BLOCKS * scanner.firings_per_block // len(scanner.flags)
     # More than one rotation is added: the recording begins and ends in the middle of a rotation.
     packets = int(np.ceil((rotations + 1.3) / unit.rotation_rate_hz / packet_interval))
+    length_s = packets * packet_interval
     first_angle = rng.uniform(0.0, 360.0)
     first_stamp = int(rng.integers(0, _HOUR_US))
     header = np.frombuffer(_network_header(), dtype=np.uint8)
@@ -159,19 +160,20 @@ def records(
         angle = first_angle + _turned(firing_time, unit)
         ticks = _ticks(angle)
         azimuth = _ticks(angle, unit.encoder_step_ticks)
-        at = firing_time / (packets * packet_interval)
-        shift = _between(drift_ticks, at)
+        shift = drifts.at(world.represented_s(firing_time, length_s)) / scanner.distance_tick_m
         ideal = shots.ticks[ticks]
         if isinstance(position, Scene) and position.between is not None:
             ideal = position.between(rng, firing_time, np.deg2rad(angle), ideal)
         noise = shots.noise[ticks]
-        distance = _measure(rng, ideal, shift, noise, unit, scanner.distance_tick_m)
+        distance = _measure(
+            rng, ideal, shift.astype(np.float32), noise, unit, scanner.distance_tick_m
+        )
         intensity = shots.intensity[ticks] + rng.integers(
             0, 12, size=distance.shape, dtype=np.uint8
         )
         intensity[distance == 0] = 0
         stamp = first_stamp + np.rint(time * 1e6).astype(np.int64)
-        status = trailing(number, time / (packets * packet_interval), stamp)
+        status = trailing(number, world.represented_s(time, length_s), stamp)
         stamp %= _HOUR_US
         yield _packed(scanner, azimuth, distance, intensity, stamp, status, header)
 
@@ -181,18 +183,18 @@ def _trailing(
 ) -> Callable[[NDArray[np.int64], Array, NDArray[np.int64]], NDArray[np.uint8]]:
     """Function that gives the last two bytes of packets, shape (n, 2).
 
-    Its arguments are the numbers of the packets, their times as shares of the recording, and their
-    times in microseconds since the full hour.
+    Its arguments are the numbers of the packets, the times of the experiment that they represent in
+    seconds, and their time stamps in microseconds since the full hour.
     """
     if not scanner.embeds_calibration:
         mode = np.array([0x37, scanner.factory_byte or 0], dtype=np.uint8)
-        return lambda number, share, time_us: np.tile(mode, (len(number), 1))
+        return lambda number, represented_s, time_us: np.tile(mode, (len(number), 1))
     rpm = round(60.0 * world.scanner(scanner.name).rotation_rate_hz)
     packets = table_packets(encode_table(factory_parameters(world, scanner.name), rpm=rpm))
     # The recording begins anywhere in the table.
     first = int(world.rng("status", scanner.name, sample).integers(TABLE_PACKETS))
-    return lambda number, share, time_us: status_bytes(
-        packets, first + number, time_us, STEADY_DEG_C + world.temperature_k(sample, share)
+    return lambda number, represented_s, time_us: status_bytes(
+        packets, first + number, time_us, STEADY_DEG_C + world.temperature_k(sample, represented_s)
     )
 
 
@@ -207,14 +209,6 @@ def _turned(time: Array, unit: ScannerUnit) -> Array:
     swing = 2.0 * np.pi / 7.0
     wobble = unit.rotation_rate_variation * (1.0 - np.cos(swing * time)) / swing
     return 360.0 * unit.rotation_rate_hz * (time + wobble)
-
-
-def _between(nodes: Array, at: Array) -> NDArray[np.float32]:
-    """Linear interpolation of rows of `nodes`, evenly spaced from 0 to 1; shape (len(at), n)."""
-    place = np.clip(at, 0.0, 1.0) * (len(nodes) - 1)
-    left = np.minimum(place.astype(np.int64), len(nodes) - 2)
-    share = (place - left)[:, None]
-    return np.asarray(nodes[left] * (1.0 - share) + nodes[left + 1] * share, dtype=np.float32)
 
 
 def _measure(

@@ -15,8 +15,6 @@ from velocal.simulation.world import World
 
 #: Ranges at which the factory calibrates an HDL-64E S2 besides its far point (manual).
 NEAR_POINTS_M = {"x": 2.4, "y": 1.93}
-#: Number of times at which drifts are given; between them they are linear.
-DRIFT_NODES = 13
 
 
 def factory_parameters(world: World, scanner: str) -> LaserParameters:
@@ -178,23 +176,56 @@ def position_errors(world: World, scanner: str, position: str) -> Array:
     return np.asarray((left + fraction * (right - left) + shift) * 1e-2)
 
 
-def drift(world: World, scanner: str, sample: str) -> Array:
-    """Range drift of a sample at evenly spaced times, metres, shape (`DRIFT_NODES`, n).
+@dataclass(frozen=True)
+class Drift:
+    """Range drift of a sample.
 
-    The sum of a constant of the sample (common and per laser), of values per laser at beginning,
-    middle and end, and of the effect of the scanner's temperature (common and per laser).
+    The sum of a constant of the sample, of values at beginning, middle and end with straight lines
+    between them, and of the effect of the scanner's temperature.
+
+    Attributes
+    ----------
+    world : World
+        Gives the temperature.
+    sample : str
+    steady : ndarray, shape (n,)
+        Constant per laser, metres.
+    windows : ndarray, shape (3, n)
+        Per laser at beginning, middle and end of the experiment, metres.
+    per_kelvin : ndarray, shape (n,)
+        Change of the distances with temperature per laser, metres per kelvin.
     """
+
+    world: World
+    sample: str
+    steady: Array
+    windows: Array
+    per_kelvin: Array
+
+    def at(self, time_s: Array) -> Array:
+        """Drift of all lasers, metres, shape (len(time_s), n).
+
+        Parameters
+        ----------
+        time_s : ndarray
+            Seconds since the start of the experiment, see `World.represented_s`.
+        """
+        place = np.clip(2.0 * time_s / self.world.warmth.duration_s, 0.0, 2.0)
+        left = np.minimum(place.astype(np.int64), 1)
+        share = (place - left)[:, None]
+        between = self.windows[left] * (1.0 - share) + self.windows[left + 1] * share
+        warmth = self.world.temperature_k(self.sample, time_s)[:, None]
+        return np.asarray(self.steady + between + warmth * self.per_kelvin)
+
+
+def drift(world: World, scanner: str, sample: str) -> Drift:
+    """Draw the range drift of a sample."""
     errors = world.scanner(scanner).errors
     rng = world.rng("drift", scanner, sample)
     n = SCANNERS[scanner].n_lasers
     steady = rng.normal(0.0, errors.drift_common_cm) + rng.normal(0.0, errors.drift_laser_cm, n)
     windows = rng.normal(0.0, errors.drift_window_cm, (3, n))
-    share = np.linspace(0.0, 1.0, DRIFT_NODES)
-    warmth = world.temperature_k(sample, share)
-    sensitivity = world.rng("thermal", scanner).normal(
+    per_kelvin = world.rng("thermal", scanner).normal(
         errors.thermal_cm_per_k, errors.thermal_laser_cm_per_k, n
     )
-    left = np.minimum((2.0 * share).astype(int), 1)
-    weight = (2.0 * share - left)[:, None]
-    between = windows[left] * (1.0 - weight) + windows[left + 1] * weight
-    return np.asarray((steady + between + warmth[:, None] * sensitivity) * 1e-2)
+    return Drift(world, sample, steady * 1e-2, windows * 1e-2, per_kelvin * 1e-2)

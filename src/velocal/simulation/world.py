@@ -34,25 +34,52 @@ class World(WorldFile):
         """True `T_site_scanner` of a position."""
         return true_pose(self.positions[position])
 
-    def temperature_k(self, sample: str, share: Array) -> Array:
+    def represented_s(self, passed_s: Array, length_s: float) -> Array:
+        """Times of the experiment that the times of a recording represent, seconds.
+
+        The experiment lasts `warmth.duration_s`, five minutes. A recording of this length
+        represents itself. A shorter one represents three parts of the experiment, its beginning,
+        its middle and its end, a third of the recording each. They pass at true speed, and the
+        time between them is left out. A part represents at least `warmth.window_s`, the length of
+        a window in the paper: a shorter third passes faster. A window of a short recording
+        therefore has the temperatures of the same window of a long one.
+
+        Parameters
+        ----------
+        passed_s : ndarray
+            Times since the start of the recording, seconds.
+        length_s : float
+            Length of the recording, seconds.
+
+        Returns
+        -------
+        ndarray
+            Seconds since the start of the experiment, in the shape of `passed_s`.
+        """
+        third = length_s / 3.0
+        part = max(third, self.warmth.window_s)
+        left_out = max(self.warmth.duration_s - 3.0 * part, 0.0) / 2.0
+        number = np.clip(np.floor(passed_s / third), 0.0, 2.0)
+        return np.asarray(number * left_out + passed_s * (part / third))
+
+    def temperature_k(self, sample: str, time_s: Array) -> Array:
         """Temperature of a scanner above the steady one without light, kelvin; it causes drifts.
 
         Parameters
         ----------
         sample : str
             Samples that the world file does not name start at the steady temperature.
-        share : ndarray
-            Times from 0 (start of the recording) to 1 (its end).
+        time_s : ndarray
+            Seconds since the start of the experiment, see `represented_s`.
 
         Returns
         -------
         ndarray
-            In the shape of `share`.
+            In the shape of `time_s`.
         """
-        warmth = self.warmth
-        case = warmth.samples.get(sample, _STEADY)
-        steady = warmth.halogen_k if case.halogen else 0.0
-        passed = np.exp(-share * warmth.duration_s / warmth.time_constant_s)
+        case = self.warmth.samples.get(sample, _STEADY)
+        steady = self.warmth.halogen_k if case.halogen else 0.0
+        passed = np.exp(-time_s / self.warmth.time_constant_s)
         return np.asarray(steady + (case.start_k - steady) * passed)
 
     def scanner(self, name: str) -> ScannerUnit:

@@ -18,8 +18,8 @@ from velocal.adjustment.solvers import (
 )
 from velocal.adjustment.stochastic import Stochastic, SurveyUncertainty
 from velocal.adjustment.unit.settings import UnitSettings
-from velocal.calibration.dialects import FAR_M
 from velocal.scanner.models import Scanner
+from velocal.scanner.parameters import LaserParameters
 from velocal.study.model import (
     NotNegative,
     Positive,
@@ -93,17 +93,17 @@ class Joint(Section):
         'corrected; `false` takes one distance correction per laser as "before", as the paper',
     )
 
-    def settings(self, scanner: Scanner) -> UnitSettings:
+    def settings(self, scanner: Scanner, factory: LaserParameters) -> UnitSettings:
         """Settings in metres and radians.
 
         Parameters
         ----------
         scanner : Scanner
+        factory : LaserParameters
+            Parameters that are corrected.
         """
-        return UnitSettings(
-            prior=self.prior.std() if self.prior else None,
-            far_point_m=FAR_M if scanner.has_factory_file else None,
-        )
+        prior = self.prior.std() if self.prior else None
+        return UnitSettings.recommended(scanner, prior=prior, factory=factory)
 
 
 class ScannerAdjustment(Section):
@@ -158,8 +158,9 @@ class Adjustment(Section):
     truncate_at: Positive | None = Field(
         default=None,
         description="a direction in the space of the parameters is weakly determined, and left at "
-        "the factory's value, if its standard deviation after the adjustment exceeds this many "
-        "prior ones; `null` truncates at machine precision, as a pseudo-inverse does",
+        "the factory's value, if its standard deviation for independent noise (`noise_cm`, "
+        "`angle_deg`) exceeds this many prior ones; `null` truncates at machine precision, as a "
+        "pseudo-inverse does",
     )
 
     @model_validator(mode="after")

@@ -6,6 +6,7 @@ The models are the only place of defaults and descriptions; the JSON schema and 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -26,6 +27,7 @@ from velocal.study.model import (
 from velocal.study.outputs import Export, Validation
 from velocal.study.planes import Box, Panel, PanelFit, PlaneSearch
 from velocal.study.reduction import Assignment, Reduction
+from velocal.study.samples import RESULTS_FOLDER
 
 SampleName = Annotated[Name, Placeholder("{sample}")]
 PlaneName = Annotated[Text, Placeholder("{plane}")]
@@ -159,6 +161,13 @@ class Unsurveyed(Section):
     search: PlaneSearch = Field(description="search for planes where no patch is given")
 
 
+def _placed(content: Any, folder: str) -> Any:
+    """Put the folder of the results into texts, however deep they are."""
+    if isinstance(content, Mapping):
+        return {key: _placed(value, folder) for key, value in content.items()}
+    return content.replace(RESULTS_FOLDER, folder) if isinstance(content, str) else content
+
+
 class StudyConfig(Section):
     """A study. Parts that a study without a survey does not need are optional."""
 
@@ -170,7 +179,9 @@ class StudyConfig(Section):
     )
     samples: Text | None = Field(default=None, description="sample table of the surveyed samples")
     survey: Survey | None = Field(
-        default=None, description="survey files: coordinates or observations"
+        default=None,
+        description="survey files: coordinates or observations; in their paths, as in those of "
+        "sample tables, `{results}` stands for the folder `results`",
     )
     simulation: Simulation | None = Field(
         default=None, description="the simulated world; leave it out for real recordings"
@@ -201,7 +212,7 @@ class StudyConfig(Section):
         default=Export(),
         description="programs that the files of parameter sets and calibrations are for",
     )
-    validation: Validation | None = Field(default=None, description="residuals of single scans")
+    validation: Validation | None = Field(default=None, description="residuals of single rotations")
     compare_with_paper: bool = Field(
         default=False,
         description="write `published/agreement.csv`, the judged claims and `drift/`; needs the "
@@ -216,6 +227,14 @@ class StudyConfig(Section):
     unsurveyed: Unsurveyed | None = Field(default=None, description="recordings without a survey")
     tables: dict[TableNumber, Table] = Field(default={}, description="tables of the paper")
     figures: dict[FigureNumber, Figure] = Field(default={}, description="figures")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _survey_below_results(cls, content: Any) -> Any:
+        """Put the folder of the results into the paths of survey files."""
+        if isinstance(content, Mapping) and isinstance(folder := content.get("results"), str):
+            return {**content, "survey": _placed(content.get("survey"), folder.rstrip("/"))}
+        return content
 
     @property
     def folder(self) -> str:

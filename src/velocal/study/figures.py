@@ -21,7 +21,7 @@ class Table(Section):
 
     scanner: ScannerName = Field(description="scanner of the samples")
     samples: Names = Field(description="samples that are shown")
-    data: Data = Field(description="residuals of medians, or of single scans")
+    data: Data = Field(description="residuals of medians, or of single rotations")
 
 
 class LaserFigure(Table):

@@ -39,7 +39,10 @@ class Export(Section):
 
 
 class Validation(Section):
-    """Residuals of single scans."""
+    """Residuals of single rotations."""
 
     sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
-    rotations: Count = Field(description="single rotations of each window that are used")
+    rotations: Count = Field(
+        description="single rotations that are used for each window: the nearest ones that belong "
+        "to no window, or its own if there are too few"
+    )

@@ -19,6 +19,9 @@ WHOLE = "all"
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
 
+#: What stands for the folder of the results in paths of survey files and of sample tables.
+RESULTS_FOLDER = "{results}"
+
 #: An empty entry means that nothing is chosen.
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
 
@@ -102,7 +105,7 @@ class OutdoorSample(Row):
 _Row = TypeVar("_Row", bound=Row)
 
 
-def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
+def read_samples(path: Path, kind: type[_Row], results: str = "results") -> dict[str, _Row]:
     """Read a tab-separated sample table; `#` begins a comment.
 
     Parameters
@@ -110,6 +113,8 @@ def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
     path : Path
     kind : type of Row
         What a row says.
+    results : str
+        Folder of the results, which `{results}` in a path stands for.
 
     Returns
     -------
@@ -128,7 +133,10 @@ def read_samples(path: Path, kind: type[_Row]) -> dict[str, _Row]:
     found: dict[str, _Row] = {}
     for number, row in enumerate(table.to_dict(orient="records"), start=1):
         where = f"{path}, row {number}"
-        cells: dict[str, Any] = {str(key): str(value).strip() for key, value in row.items()}
+        cells: dict[str, Any] = {
+            str(key): str(value).strip().replace(RESULTS_FOLDER, results)
+            for key, value in row.items()
+        }
         sample = validated(kind, cells, where)
         if sample.name in found:
             raise ConfigError(

@@ -195,17 +195,19 @@ def with_samples(settings: StudyConfig, where: str) -> Study:
     outdoor: dict[str, OutdoorSample] = {}
     if settings.samples:
         path = Path(settings.samples)
-        surveyed = with_embedded(read_samples(path, SurveyedSample), results, str(path), embedded)
+        surveyed_rows = read_samples(path, SurveyedSample, results)
+        surveyed = with_embedded(surveyed_rows, results, str(path), embedded)
     if settings.unsurveyed:
         path, folder = Path(settings.unsurveyed.samples), Path(settings.unsurveyed.recordings)
         rows = {
             name: row.model_copy(update={"recording": str(folder / row.recording)})
-            for name, row in read_samples(path, UnsurveyedSample).items()
+            for name, row in read_samples(path, UnsurveyedSample, results).items()
         }
         unsurveyed = with_embedded(rows, results, str(path))
     if settings.outdoor:
         path = Path(settings.outdoor.samples)
-        outdoor = with_embedded(read_samples(path, OutdoorSample), results, str(path), embedded)
+        outdoor_rows = read_samples(path, OutdoorSample, results)
+        outdoor = with_embedded(outdoor_rows, results, str(path), embedded)
     study = Study(settings, surveyed, unsurveyed, outdoor)
     _check_samples(study, where)
     _check_scanners(study, where)

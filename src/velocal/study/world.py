@@ -143,10 +143,25 @@ class SampleWarmth(Section):
 class WarmthWorld(Section):
     """What drives the drifts: the temperature of the scanner."""
 
-    duration_s: Positive = Field(description="duration that a recording stands for")
+    duration_s: Positive = Field(
+        description="duration of the experiment that a recording represents"
+    )
+    window_s: Positive = Field(
+        description="duration of a window of the experiment; a third of a recording represents at "
+        "least this duration"
+    )
     time_constant_s: Positive = Field(description="time constant of the way to the steady state")
     halogen_k: float = Field(description="how much the halogen light warms in the steady state")
     samples: dict[SampleName, SampleWarmth] = Field(description="of single recordings")
+
+    @model_validator(mode="after")
+    def _windows_fit(self) -> WarmthWorld:
+        if 3.0 * self.window_s > self.duration_s:
+            raise fault(
+                f"three windows of {self.window_s:g} s are longer than {self.duration_s:g} s",
+                key="window_s",
+            )
+        return self
 
 
 class PanelWorld(Section):

@@ -1,7 +1,8 @@
-"""The means of alpha and v over the lasers: how much of them the survey may decide.
+"""The means of dl, alpha and v over the lasers: how much of them the survey may decide.
 
 A mean of alpha is a turn of the scanner about its axis, and a mean of v over a sector is nearly a
-tilt: both are errors of the pose in another form. This module is the choice of datum.
+tilt: both are errors of the pose in another form. A mean of dl is hardly different from a shift
+that all lasers have at a station. This module is the choice of datum.
 """
 
 from __future__ import annotations
@@ -13,27 +14,33 @@ import numpy as np
 
 from velocal.arrays import Array
 
+#: Parameters with such a mean, and their units.
+DATUM = {"dl": "m", "alpha": "rad", "v": "rad"}
 #: Prior standard deviation of a mean, in units of the spread over the lasers: the components of
-#: a mixture with equal weights. The first is the factory's mean; the others are possible only as
-#: far as the survey decides.
+#: a mixture. The first is the factory's mean; the others are possible only as far as the survey
+#: decides.
 RATIOS = (0.05, 0.3, 1.0, 3.0, 10.0)
 #: A survey whose standard deviation of the mean is below the first number times the spread over
-#: the lasers decides; above the second, the factory's mean stays; in between, in proportion.
-DECIDES, LEAVES = 0.5, 1.0
+#: the lasers decides; above the second, the factory's mean stays; in between, in proportion. For
+#: dl, alpha and v: an error of the pose moves all angles, the distances hardly.
+DECIDES, LEAVES = np.array([0.5, 0.3, 0.3]), np.array([1.0, 0.6, 0.6])
+#: A mean that differs from the factory's by more than the second number times its standard
+#: deviation is believed in any case; by less than the first, not for this reason.
+UNLIKELY, CERTAIN = 3.0, 4.5
 
 
 @dataclass(frozen=True)
 class CommonMean:
-    """Distribution of the two means.
+    """Distribution of the means of dl, alpha and v.
 
     Attributes
     ----------
-    mean : ndarray, shape (2,)
-        Of alpha and v, radians.
-    covariance : ndarray, shape (2, 2)
-    by_survey, by_survey_std : ndarray, shape (2,)
+    mean : ndarray, shape (3,)
+        In the order of `DATUM`.
+    covariance : ndarray, shape (3, 3)
+    by_survey, by_survey_std : ndarray, shape (3,)
         What the data and the survey alone say.
-    decided : ndarray, shape (2,)
+    decided : ndarray, shape (3,)
         Weight with which the survey may decide: 0 where the factory's mean stays, 1 at most.
     """
 
@@ -49,45 +56,77 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
 
     Parameters
     ----------
-    mean, covariance : ndarray, shape (2,) and (2, 2)
+    mean, covariance : ndarray, shape (3,) and (3, 3)
         Posterior under a wide normal prior.
-    prior_std : ndarray, shape (2,)
+    prior_std : ndarray, shape (3,)
         Standard deviations of this prior, which is taken out again.
-    spread : ndarray, shape (2,)
-        Standard deviations of alpha and v over the lasers.
+    spread : ndarray, shape (3,)
+        Standard deviations of dl, alpha and v over the lasers.
+
+    Notes
+    -----
+    A mean of alpha or v that stays at the factory's value is a matter of the frame, and is stated
+    apart. That of dl is not: its variance is that of the error that leaving it may cause.
     """
-    # Take the wide prior out: what is left is the likelihood of the two means.
+    # Take the wide prior out: what is left is the likelihood of the means.
     precision = np.linalg.inv(covariance)
-    values, vectors = np.linalg.eigh(precision - np.diag(prior_std**-2.0))
-    values = np.maximum(values, 1e-6 * float(np.min(prior_std**-2.0)))
-    survey = (vectors / values) @ vectors.T
+    size = np.diag(prior_std)
+    values, vectors = np.linalg.eigh(size @ precision @ size - np.eye(len(mean)))
+    vectors = size @ vectors
+    survey = (vectors / np.maximum(values, 1e-6)) @ vectors.T
     by_survey = survey @ precision @ mean
     by_survey_std = np.sqrt(np.diag(survey))
-    decided = np.clip((LEAVES - by_survey_std / spread) / (LEAVES - DECIDES), 0.0, 1.0)
-    moments, logs = [], []
-    for ratios in itertools.product(range(len(RATIOS)), repeat=2):
-        weight = 1.0
-        for number, share in zip(ratios, decided, strict=True):
-            weight *= (
-                1.0 - share * (1.0 - 1.0 / len(RATIOS)) if number == 0 else share / len(RATIOS)
-            )
-        if weight == 0.0:
-            continue
-        prior = np.diag((np.array([RATIOS[i] for i in ratios]) * spread) ** 2)
+    better = (LEAVES - by_survey_std / spread) / (LEAVES - DECIDES)
+    clear = (np.abs(by_survey) / by_survey_std - UNLIKELY) / (CERTAIN - UNLIKELY)
+    decided = np.clip(np.maximum(better, clear), 0.0, 1.0)
+    mixture = _Mixture.of(by_survey, survey, spread)
+    centre, matrix = mixture.moments(decided)
+    # The same with equal weights, about the mean that was chosen.
+    all_open, spread_open = mixture.moments(np.ones(len(mean)))
+    risk = spread_open[0, 0] + (all_open[0] - centre[0]) ** 2
+    matrix[0, 0] += max(risk - matrix[0, 0], 0.0)
+    return CommonMean(centre, matrix, by_survey, by_survey_std, decided)
+
+
+@dataclass(frozen=True)
+class _Mixture:
+    """All combinations of `RATIOS` for the three means.
+
+    Attributes
+    ----------
+    first : ndarray of bool, shape (combinations, 3)
+        Whether a mean is that of the factory.
+    log : ndarray, shape (combinations,)
+        Logarithm of the evidence.
+    mean : ndarray, shape (combinations, 3)
+    covariance : ndarray, shape (combinations, 3, 3)
+    """
+
+    first: Array
+    log: Array
+    mean: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, by_survey: Array, survey: Array, spread: Array) -> _Mixture:
+        """Posterior and evidence of every combination."""
+        number = np.array(list(itertools.product(range(len(RATIOS)), repeat=len(spread))))
+        prior = (np.array(RATIOS)[number] * spread)[:, :, None] ** 2 * np.eye(len(spread))
         total = survey + prior
-        gain = np.linalg.solve(total, prior).T
-        logs.append(
-            np.log(weight)
-            - 0.5 * by_survey @ np.linalg.solve(total, by_survey)
-            - 0.5 * np.linalg.slogdet(total)[1]
-        )
-        moments.append((gain @ by_survey, prior - gain @ prior))
-    share = np.exp(np.array(logs) - max(logs))
-    share /= share.sum()
-    centre = sum(w * m for w, (m, _) in zip(share, moments, strict=True))
-    spread_of_mixture = sum(
-        w * (c + np.outer(m - centre, m - centre)) for w, (m, c) in zip(share, moments, strict=True)
-    )
-    return CommonMean(
-        np.asarray(centre), np.asarray(spread_of_mixture), by_survey, by_survey_std, decided
-    )
+        gain = np.swapaxes(np.linalg.solve(total, prior), 1, 2)
+        weighted = np.linalg.solve(total, np.broadcast_to(by_survey[:, None], (*number.shape, 1)))
+        log = -0.5 * (by_survey @ weighted[..., 0].T + np.linalg.slogdet(total)[1])
+        return cls(number == 0, log, gain @ by_survey, prior - gain @ prior)
+
+    def moments(self, decided: Array) -> tuple[Array, Array]:
+        """Mean and covariance, where each survey has a weight from 0 to 1."""
+        n = len(RATIOS)
+        prior = np.where(self.first, 1.0 - decided * (1.0 - 1.0 / n), decided / n).prod(axis=1)
+        with np.errstate(divide="ignore"):
+            log = self.log + np.log(prior)
+        share = np.exp(log - log.max())
+        share /= share.sum()
+        centre = share @ self.mean
+        about = self.mean - centre
+        matrix = np.einsum("c,cij->ij", share, self.covariance)
+        return centre, matrix + np.einsum("c,ci,cj->ij", share, about, about)

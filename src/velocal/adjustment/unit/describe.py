@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
-from velocal.adjustment.unit.common_mean import CommonMean, common_mean
+from velocal.adjustment.unit.common_mean import DATUM, CommonMean, common_mean
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN, symmetric_root
 from velocal.arrays import Array
 
-#: Places of the means that the pose can imitate, among the common unknowns.
-_DATUM = np.array([UNKNOWNS.index("alpha"), UNKNOWNS.index("v")])
+#: Places of the means that an error of the survey can imitate, among the common unknowns.
+_DATUM = np.array([UNKNOWNS.index(name) for name in DATUM])
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,11 @@ class Description:
 
 
 def describe(
-    posterior: Posterior, values: Array, output: Array, survey: Mapping[str, NDArray[np.int64]]
+    posterior: Posterior,
+    values: Array,
+    output: Array,
+    survey: Mapping[str, NDArray[np.int64]],
+    least_voff_m: float = 0.0,
 ) -> Description:
     """Describe a posterior.
 
@@ -73,6 +77,8 @@ def describe(
         Derivatives of the corrections by the unknowns of a laser.
     survey : mapping of str to ndarray of int
         Places of the errors of the survey among the common unknowns, by source.
+    least_voff_m : float
+        Standard deviation of the errors of voff that the covariance contains at least, metres.
 
     Notes
     -----
@@ -86,7 +92,7 @@ def describe(
     std = posterior.std
     inverse = cho_solve((posterior.common_root, True), np.eye(m))
     inverse = 0.5 * (inverse + inverse.T)
-    # Choose the datum: replace the distribution of the two means, and what depends on them.
+    # Choose the datum: replace the distribution of the means, and what depends on them.
     block = inverse[np.ix_(_DATUM, _DATUM)]
     datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
     gain = np.linalg.solve(block, inverse[_DATUM]).T
@@ -119,24 +125,29 @@ def describe(
     to_output = np.einsum("kua,a->kua", output, std[:u])
     own = to_output @ posterior.own_covariance[:, :u]
     moved = cho_solve((posterior.common_root, True), by_common.reshape(-1, m).T)
-    sources = {}
-    for name, places in kinds.items():
-        part = own[..., places]
+
+    def influence(places: NDArray[np.int64]) -> Array:
+        """Of random unknowns (every laser's, one after the other) on all corrections."""
         through = slope[:, places].reshape(-1, m) @ moved
-        through = through.reshape(-1, lasers, 3)
-        sources[name] = part @ np.swapaxes(part, 1, 2) + np.einsum(
-            "nku,nkv->kuv", through, through, optimize=True
-        )
+        found = -through.reshape(lasers, len(places), lasers, 3)
+        every = np.arange(lasers)
+        found[every, :, every] += np.swapaxes(own[..., places], 1, 2)
+        return found.reshape(-1, lasers, 3)
+
+    sources = {name: _squares(influence(places)) for name, places in kinds.items()}
     weighted = (moved / posterior.common_std[:, None]).reshape(m, lasers, 3)
     priors = {"prior": np.arange(WITH_MEAN), "shift": np.r_[layout.common_shift]}
     for name, places in [*priors.items(), *survey.items()]:
-        part = weighted[places]
-        found = np.einsum("nku,nkv->kuv", part, part, optimize=True)
-        sources[name] = sources.get(name, 0.0) + found
+        sources[name] = sources.get(name, 0.0) + _squares(weighted[places])
     inner = to_output @ posterior.own_covariance[:, :u, :u] @ np.swapaxes(to_output, 1, 2)
     blocks = together.reshape(lasers, 3, lasers, 3)
     covariance = inner + np.einsum("kukv->kuv", blocks)
     sources = {"noise": covariance - sum(sources.values())} | sources
+    # Data hardly tell voff from v. State at least what is usual, however little was learnt.
+    place = UNKNOWNS.index("voff")
+    more = max((least_voff_m / std[place]) ** 2 - 1.0, 0.0)
+    extra = more * _squares(influence(np.array([place])))
+    sources["offsets"], covariance = sources["offsets"] + extra, covariance + extra
     prior = np.einsum("kua,a,kua->ku", output, std[:u] ** 2, output)
     return Description(
         values=values,
@@ -151,3 +162,8 @@ def describe(
         common_covariance=turn @ inverse @ turn.T,
         datum=datum,
     )
+
+
+def _squares(influence: Array) -> Array:
+    """Covariance of every laser's corrections from independent errors of unit variance."""
+    return np.asarray(np.einsum("nku,nkv->kuv", influence, influence, optimize=True))

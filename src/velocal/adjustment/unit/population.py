@@ -28,11 +28,12 @@ _NEVER_ZERO = ("dl", "alpha", "v")
 #: Prior standard deviations of the means over the lasers: wide, as nothing is known. That of dl
 #: is a setting.
 MEAN_STD = {"alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
-#: Scales of the hyperprior. They are wide on purpose.
+#: Scales of the hyperprior. Its tails are wide, so that data decide; without data (v, where only
+#: walls are seen) a unit is taken to be as good as usual, and its lasers are not moved by noise.
 SCALES = {
     "dl": 0.02,
-    "alpha": float(np.deg2rad(0.15)),
-    "v": float(np.deg2rad(0.15)),
+    "alpha": float(np.deg2rad(0.07)),
+    "v": float(np.deg2rad(0.07)),
     "scale": 1e-3,
     "shift": 0.01,
     "plane": 0.001,

@@ -47,14 +47,16 @@ class Component:
 
 @dataclass(frozen=True)
 class CommonPart:
-    """Mean of a parameter over the lasers, which an error of the pose can imitate.
+    """Mean of a parameter over the lasers, which an error of the survey can imitate.
 
     Attributes
     ----------
     name : str
-        ``alpha`` or ``v``.
+        ``dl``, ``alpha`` or ``v``.
+    unit : str
+        ``m`` or ``rad``.
     value, std : float
-        Mean correction that the calibration contains, radians.
+        Mean correction that the calibration contains.
     by_survey, by_survey_std : float
         What the data and the survey alone say.
     decided : float
@@ -63,6 +65,7 @@ class CommonPart:
     """
 
     name: str
+    unit: str
     value: float
     std: float
     by_survey: float
@@ -199,7 +202,7 @@ class UnitCalibration:
         What stays at the value of the factory (with the common part of the unit), as the data say
         nearly nothing.
     common : tuple of CommonPart
-        Of alpha and v.
+        Of dl, alpha and v.
     population : tuple of Component
     stations : tuple of StationEffect
     noise : UnitNoise

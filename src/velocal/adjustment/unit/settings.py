@@ -48,6 +48,9 @@ class UnitSettings:
     offset_m : float
         Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
         corrected, but their errors would otherwise be read as angles.
+    least_voff_m : float
+        Standard deviation of the errors of `voff` that the stated covariance contains at least,
+        metres: one height of the scanner cannot tell them from those of v.
     far_point_m : float or None
         Range along the beam at which the distance correction of the factory holds, metres (25.04
         for scanners with a two-point file). The correction of the distance fades to zero there.
@@ -75,6 +78,7 @@ class UnitSettings:
     common_shift_m: float = 0.005
     mean_dl_m: float = 0.05
     offset_m: float = 0.0007
+    least_voff_m: float = 0.002
     far_point_m: float | None = None
     far_std_m: float = 0.01
     pose_in_common: float = 0.4
@@ -121,7 +125,7 @@ class UnitSettings:
     def __post_init__(self) -> None:
         """Check that all sizes are positive, and that the prior names what has one."""
         for name, value in vars(self).items():
-            if name in ("prior", "hold_below", "pose_in_common") or value is None:
+            if name in ("prior", "hold_below", "pose_in_common", "least_voff_m") or value is None:
                 continue
             if not value > 0.0:
                 raise VelocalError(

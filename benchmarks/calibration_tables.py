@@ -1,0 +1,244 @@
+"""Tables and checks from the draws of `benchmarks/calibration.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from calibration_cases import ALL, CASES
+from calibration_judge import RANGES_M
+
+from velocal.io.markup import markdown_table
+
+#: The method that people get, the one that is told the true spread, what nobody can do, and what
+#: people had before.
+DEFAULT, ORACLE, TRUTH, FACTORY = "joint", "oracle", "truth", "factory"
+#: A set counts as worse than the factory's if its s at unseen stations is larger by this factor.
+HARM = 1.02
+PARAMETERS = {"dl": "dl_cm", "alpha": "alpha_deg", "v": "v_deg"}
+#: Cases of the table in the issue that asked for the bench, and the methods that it shows.
+ISSUE = [f"{scanner}-{n}" for scanner in ("HDL-64E", "HDL-32E", "VLP-16") for n in (1, 2, 4)]
+
+
+def summarised(draws: pd.DataFrame) -> pd.DataFrame:
+    """Median, mean, worst and share of harm of every case and method."""
+    values = [c for c in draws.columns if c not in ("case", "seed", "method")]
+    grouped = draws.groupby(["case", "method"], sort=False)
+    parts = {
+        "median": grouped[values].median(),
+        "worst": grouped[values].max(),
+        "mean": grouped[values].mean(),
+        "rms": grouped[values].agg(lambda column: np.sqrt(np.mean(np.square(column)))),
+    }
+    table = pd.concat(parts, axis=1)
+    table.columns = [f"{value}_{part}" for part, value in table.columns]
+    harm = against(draws, FACTORY) > HARM
+    table["harm"] = harm.groupby([draws["case"], draws["method"]]).mean().reindex(table.index)
+    table["draws"] = grouped.size()
+    order = {name: number for number, name in enumerate(ALL)}
+    table = table.reset_index()
+    table["place"] = [list(CASES).index(case) for case in table["case"]]
+    table["rank"] = [order[method] for method in table["method"]]
+    return table.sort_values(["place", "rank"]).drop(columns=["place", "rank"])
+
+
+def complete(draws: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the draws that all methods of their case have run on, so that means compare."""
+    methods = draws.groupby(["case", "seed"])["method"].transform("nunique")
+    return draws[methods == methods.groupby(draws["case"]).transform("max")]
+
+
+def against(draws: pd.DataFrame, method: str) -> pd.Series:
+    """S at unseen stations of every row, divided by that of another method on the same draw."""
+    other = draws[draws["method"] == method].set_index(["case", "seed"])["unseen_cm"]
+    matched = other.reindex(pd.MultiIndex.from_frame(draws[["case", "seed"]])).to_numpy()
+    return draws["unseen_cm"] / matched
+
+
+def _cell(row: pd.Series, value: str, digits: int) -> str:
+    median, worst = row[f"{value}_median"], row[f"{value}_worst"]
+    return "" if np.isnan(median) else f"{median:.{digits}f} [{worst:.{digits}f}]"
+
+
+def _coverage(row: pd.Series) -> str:
+    cover = [row[f"cover_{name}_mean"] for name in PARAMETERS]
+    known = [f"{100 * each:.0f}" if np.isfinite(each) else "-" for each in cover]
+    return " / ".join(known) if any(each != "-" for each in known) else ""
+
+
+def _rows(summary: pd.DataFrame, cases: Iterable[str]) -> Iterable[tuple[str, pd.Series]]:
+    """Name of the study, only in its first row, and the row of every method."""
+    for case in cases:
+        for number, (_, row) in enumerate(summary[summary["case"] == case].iterrows()):
+            yield f"{CASES[case].text} ({row['draws']} draws)" if not number else "", row
+
+
+def errors_table(summary: pd.DataFrame, cases: Sequence[str]) -> str:
+    """Median [worst] over the draws of the errors and of s at unseen stations."""
+    headings = [
+        "study", "method", "dl cm", "alpha deg", "v deg", "worst laser cm", "unseen cm",
+        "centred cm", "induced cm", "cover dl / alpha / v %", "worse than factory %",
+    ]  # fmt: skip
+    digits = {
+        "dl_cm": 2, "alpha_deg": 3, "v_deg": 3, "worst_dl_cm": 1, "unseen_cm": 2,
+        "centred_cm": 2, "induced_cm": 2,
+    }  # fmt: skip
+    rows = [
+        [
+            study,
+            row["method"],
+            *(_cell(row, value, n) for value, n in digits.items()),
+            _coverage(row),
+            f"{100 * row['harm']:.0f}",
+        ]
+        for study, row in _rows(summary, cases)
+    ]
+    return "\n".join(markdown_table(headings, rows, [False, False] + [True] * 9))
+
+
+def range_table(summary: pd.DataFrame, cases: Sequence[str]) -> str:
+    """Root mean square error of points at ranges over the draws: in all, and along the beam."""
+    headings = ["study", "method", *(f"{range_m:g} m" for range_m in RANGES_M)]
+    rows = []
+    for study, row in _rows(summary, cases):
+        cells = [
+            f"{row[f'point_{r:g}_cm_rms']:.2f} / {row[f'along_{r:g}_cm_rms']:.2f}" for r in RANGES_M
+        ]
+        rows.append([study, row["method"], *cells])
+    return "\n".join(markdown_table(headings, rows, [False, False] + [True] * len(RANGES_M)))
+
+
+@dataclass(frozen=True)
+class Check:
+    """One demand on the default method in one study.
+
+    Attributes
+    ----------
+    demand : str
+        What is demanded, with its limit.
+    case : str
+    value : float
+    kept : bool
+    """
+
+    demand: str
+    case: str
+    value: float
+    kept: bool
+
+
+def checks(draws: pd.DataFrame, cost: pd.DataFrame | None) -> list[Check]:
+    """Check everything that is demanded of the default, in every study that has its numbers."""
+    summary = summarised(draws).set_index(["case", "method"])
+    ratio = {name: against(draws, name) for name in (FACTORY, "dl")}
+    found: list[Check] = []
+
+    def at_most(demand: str, case: str, value: float, limit: float) -> None:
+        found.append(Check(demand, case, value, bool(round(value, 2) <= limit)))
+
+    cases = [c for c in CASES if (c, DEFAULT) in summary.index]
+    for case in cases:
+        row = summary.loc[case, DEFAULT]
+        own = (draws["case"] == case) & (draws["method"] == DEFAULT)
+        others = summary.loc[case].drop(index=[DEFAULT, ORACLE, TRUTH], errors="ignore")
+        at_most(
+            "mean of s at unseen stations, over that of the best other method: at most 1",
+            case, row["unseen_cm_mean"] / others["unseen_cm_mean"].min(), 1.0,
+        )  # fmt: skip
+        at_most(
+            "s at unseen stations in the worst draw, over the factory's: at most 1.02",
+            case, ratio[FACTORY][own].max(), HARM,
+        )  # fmt: skip
+        if case.startswith("walls"):
+            at_most(
+                "walls only: the same over dl only: at most 1", case, ratio["dl"][own].max(), 1.0
+            )
+        before = summary.loc[case, FACTORY]
+        for range_m in RANGES_M:
+            for kind, text in (("point", "in all"), ("along", "along the beam")):
+                column = f"{kind}_{range_m:g}_cm_rms"
+                at_most(
+                    f"error of points {text}, over the factory's: at most 1 at any range",
+                    f"{case} at {range_m:g} m", row[column] / before[column], 1.0,
+                )  # fmt: skip
+        for name, column in PARAMETERS.items():
+            cover = 100.0 * row[f"cover_{name}_mean"]
+            high = 100.0 if name == "dl" else 97.0
+            text = "at least 93 %" if name == "dl" else "93 to 97 %"
+            kept = bool(93.0 <= round(cover, 1) <= high)
+            found.append(Check(f"coverage of {name}: {text}", case, cover, kept))
+            if (case, ORACLE) in summary.index:
+                told = summary.loc[case, ORACLE]
+                at_most(
+                    f"error of {name}, over that of the oracle: at most 1.10",
+                    case, row[f"{column}_rms"] / told[f"{column}_rms"], 1.1,
+                )  # fmt: skip
+            one = case.replace("-2", "-1")
+            if "-2" in case and case != one and (one, DEFAULT) in summary.index:
+                at_most(
+                    f"error of {name} with two stations, over that with one: at most 1",
+                    case, row[f"{column}_rms"] / summary.loc[one, DEFAULT][f"{column}_rms"], 1.0,
+                )  # fmt: skip
+    for _, row in cost.iterrows() if cost is not None else ():
+        if row["stations"] == 2:
+            at_most(
+                "seconds of a unit with two stations: at most 5",
+                row["scanner"],
+                row["seconds"],
+                5.0,
+            )
+            at_most("MB of the same: at most 500", row["scanner"], row["peak_mb"], 500.0)
+    return found
+
+
+def check_table(found: Sequence[Check]) -> str:
+    """One row per demand: how many studies keep it, and those that do not."""
+    rows = []
+    for demand in dict.fromkeys(check.demand for check in found):
+        of_it = [check for check in found if check.demand == demand]
+        missed = [f"{check.case}: {check.value:.3g}" for check in of_it if not check.kept]
+        values = [check.value for check in of_it]
+        rows.append(
+            [
+                demand,
+                f"{len(of_it) - len(missed)} of {len(of_it)}",
+                f"{min(values):.3g} to {max(values):.3g}",
+                "; ".join(missed),
+            ]
+        )
+    headings = ["demand on the default", "kept in", "values", "missed in"]
+    return "\n".join(markdown_table(headings, rows, [False, True, True, False]))
+
+
+def cost_table(cost: pd.DataFrame) -> str:
+    """CPU time and memory of the adjustment of a unit."""
+    headings = ["scanner", "stations", "windows", "medians", "seconds", "peak memory MB"]
+    rows = [
+        [
+            row["scanner"], str(row["stations"]), str(row["windows"]), f"{row['medians']:.0f}",
+            f"{row['seconds']:.1f}", f"{row['peak_mb']:.0f}",
+        ]
+        for _, row in cost.iterrows()
+    ]  # fmt: skip
+    return "\n".join(markdown_table(headings, rows, [False] + [True] * 5))
+
+
+def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
+    """All tables, by the name of their place in the page."""
+    draws = complete(draws)
+    summary = summarised(draws)
+    cases = list(dict.fromkeys(summary["case"]))
+    groups = {
+        "bench_issue": [case for case in cases if case in ISSUE],
+        "bench_study": [case for case in cases if "study" in case],
+        "bench_other": [c for c in cases if c not in ISSUE and "study" not in c],
+    }
+    few = summary[summary["method"].isin([FACTORY, "prior", DEFAULT, ORACLE, TRUTH])]
+    found = {name: errors_table(summary, group) for name, group in groups.items()}
+    found["bench_ranges"] = range_table(few, cases)
+    found["bench_checks"] = check_table(checks(draws, cost))
+    if cost is not None:
+        found["bench_cost"] = cost_table(cost)
+    return found

@@ -1,0 +1,245 @@
+"""Adjustment of a unit: what must not matter, small and odd data, and errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.unit import errors_of, unit_draws
+from velocal.adjustment.unit import adjust
+from velocal.adjustment.unit.adjust import adjust_unit, readjust
+from velocal.adjustment.unit.model import UNKNOWNS, linearise
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.adjustment.unit.station import azimuth_bins
+from velocal.errors import VelocalError
+from velocal.scanner.models import SCANNERS
+
+#: Without integration: what is tested here does not depend on it.
+QUICK = UnitSettings(integration_points=1, linearisations=1, shift_m=0.0013)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Every fourth laser of an HDL-32E at a station, every 3 degrees."""
+    factory, runs = unit_draws("HDL-32E", "P5", 1, 4, step_deg=3.0, every=4)
+    return factory, *runs[0]
+
+
+def stacked(result):
+    """All numbers of a result in one vector."""
+    calibration = result.calibration
+    parts = [calibration.corrections, calibration.covariance, result.determined]
+    parts += [result.mean_range_m, *(station.pose for station in result.stations)]
+    return np.concatenate([part.ravel() for part in parts])
+
+
+def finite(result):
+    assert np.isfinite(stacked(result)).all()
+    variances = np.diagonal(result.calibration.covariance, axis1=1, axis2=2)
+    assert (variances > 0.0).all()
+    total = sum(result.calibration.sources.values())
+    np.testing.assert_allclose(total, result.calibration.covariance)
+
+
+@pytest.mark.parametrize("far_point_m", [None, 25.04])
+def test_columns_are_derivatives_of_the_misclosure(small, far_point_m):
+    """By finite differences; the misclosure is minus z without what the point accounts for."""
+    factory, station, _ = small
+    bins = azimuth_bins([station], factory, np.deg2rad(0.9))
+    x = np.zeros((len(factory), len(UNKNOWNS)))
+    at = linearise(bins, factory, x, far_point_m)
+    for number, name in enumerate(UNKNOWNS):
+        change = np.zeros_like(x)
+        change[:, number] = 1e-6
+        if name in ("dl", "scale"):
+            # A correction of the distance by its two columns.
+            first = at.matrix[:, number] * 1e-6
+            if far_point_m is None:
+                expected = 1e-6 if name == "dl" else 1e-6 * at.range_m
+            else:
+                share = at.range_m / far_point_m
+                expected = 1e-6 * (1.0 - share if name == "dl" else share)
+            np.testing.assert_allclose(first, expected, rtol=1e-12)
+            continue
+        moved = factory.corrected({name: change[:, number]})
+        before, after = bins.mean.misclosure(factory), bins.mean.misclosure(moved)
+        difference = (after - before) / 1e-6
+        np.testing.assert_allclose(at.matrix[:, number], difference, rtol=1e-4, atol=1e-4)
+
+
+def test_means_of_bins_have_the_mean_misclosure(small):
+    factory, station, _ = small
+    data = station.observations
+    own = (data.laser_id == data.laser_id[0]) & (data.plane_number == data.plane_number[0])
+    bins = azimuth_bins([replace(station, observations=data.take(own))], factory, np.deg2rad(12.0))
+    assert bins.count.max() > 2.0
+    ours = (bins.count * bins.mean.misclosure(factory)).sum() / bins.count.sum()
+    assert ours == pytest.approx(data.take(own).misclosure(factory).mean(), rel=1e-9)
+
+
+def test_order_of_rows_and_of_stations_does_not_matter(small):
+    factory, station, _ = small
+    other = replace(
+        station, name="other", observations=station.observations.take(slice(0, None, 2))
+    )
+    first = adjust_unit([station, other], factory, QUICK)
+    order = np.random.default_rng(0).permutation(len(station.observations.phi))
+    mixed = replace(station, observations=station.observations.take(order))
+    second = adjust_unit([other, mixed], factory, QUICK)
+    np.testing.assert_allclose(stacked(first), stacked(second), rtol=1e-6, atol=1e-9)
+
+
+def test_lasers_without_observations_get_the_mean_of_the_unit(small):
+    """Their standard deviation is that of the unit, and they are named."""
+    factory, station, _ = small
+    result = adjust_unit([station], factory, QUICK)
+    finite(result)
+    unseen = ~result.calibration.observed
+    assert unseen.any()
+    assert not unseen.all()
+    assert np.ptp(result.calibration.corrections[unseen], axis=0).max() == 0.0
+    assert (result.determined[unseen] < 0.05).all()
+    assert {held.laser_id for held in result.held} >= set(np.flatnonzero(unseen).tolist())
+    sigma = result.sigma("sigma_alpha")
+    assert (result.calibration.std[unseen, 1] >= 0.99 * sigma).all()
+
+
+def test_covariance_between_lasers_is_positive_semi_definite(small):
+    factory, station, _ = small
+    result = adjust_unit([station], factory, QUICK)
+    lasers = len(factory)
+    flat = result.shared.reshape(3 * lasers, -1)
+    total = flat @ flat.T
+    for k in range(lasers):
+        rows = slice(3 * k, 3 * k + 3)
+        own = result.calibration.covariance[k] - total[rows, rows]
+        assert np.linalg.eigvalsh(own).min() > -1e-9 * np.abs(total).max()
+
+
+@pytest.mark.parametrize("planes", [(0,), (2,), (0, 1)], ids=["one wall", "floor", "walls"])
+def test_few_planes_do_no_harm(small, planes):
+    """At most the errors of the factory by the share that eight lasers can show by chance."""
+    factory, station, true = small
+    kept = np.isin(station.observations.plane_number, planes)
+    part = replace(station, observations=station.observations.take(kept))
+    result = adjust_unit([part], factory, replace(QUICK, integration_points=9))
+    finite(result)
+    seen = result.calibration.observed
+    error, wanted = errors_of(result, true, factory)
+    size, before = (np.sqrt((each[seen] ** 2).mean(axis=0)) for each in (error, wanted))
+    assert size[0] < 0.5 * before[0]
+    assert (size[1:] < 1.2 * before[1:]).all()
+
+
+def test_a_handful_of_observations_gives_a_finite_result(small):
+    factory, station, _ = small
+    few = replace(station, observations=station.observations.take(slice(0, 7)))
+    finite(adjust_unit([few], factory, QUICK))
+
+
+def test_a_prior_that_is_given_is_not_learnt(small):
+    factory, station, _ = small
+    settings = replace(QUICK, prior={"alpha": 0.001, "dl": 0.03})
+    result = adjust_unit([station], factory, settings)
+    learnt = {one.name: one.learnt for one in result.population}
+    assert result.sigma("sigma_alpha") == 0.001
+    assert not learnt["sigma_alpha"]
+    assert not learnt["sigma_dl"]
+    assert learnt["sigma_v"]
+
+
+def test_the_correction_of_the_distance_fades_to_the_far_point(small):
+    factory, station, _ = small
+    result = adjust_unit([station], factory, replace(QUICK, far_point_m=25.04))
+    dl, at = result.calibration.corrections[:, 0], result.mean_range_m
+    ranges = np.array([0.0, 25.04, 80.0])
+    found = result.near_correction(ranges)
+    np.testing.assert_allclose(found[:, 0], dl * 25.04 / (25.04 - at))
+    np.testing.assert_array_equal(found[:, 1:], 0.0)
+    own = np.array([result.near_correction(at[[k]])[k, 0] for k in range(len(at))])
+    np.testing.assert_allclose(own, dl)
+
+
+def test_a_laser_that_is_off_by_the_limit_is_assigned_again(small):
+    """A laser is off by 25 cm: half of its returns lie outside of the limit, the nearer ones in.
+
+    What is left of them brings it in.
+    """
+    factory, station, _ = small
+    data = station.observations
+    laser = int(data.laser_id[0])
+    own = data.laser_id == laser
+    off = 0.25 - np.median(data.misclosure(factory)[own])
+    whole = replace(data, distance_m=np.where(own, data.distance_m + off, data.distance_m))
+    expected = np.bincount(data.laser_id, minlength=len(factory))
+
+    def assign(parameters):
+        kept = np.abs(whole.misclosure(parameters)) < 0.25
+        return [replace(station, observations=whole.take(kept), expected=expected)]
+
+    first = adjust_unit(assign(factory), factory, QUICK)
+    assert first.stations[0].share[laser] < 0.9
+    assert any(f"lasers {laser}" in text for text in first.warnings)
+    result = readjust(assign, factory, QUICK)
+    assert result.passes > 1
+    assert result.stations[0].share[laser] == 1.0
+    assert not result.warnings
+
+
+def test_an_assignment_that_never_ends_is_told(small, monkeypatch):
+    factory, station, _ = small
+    monkeypatch.setattr(adjust, "MAX_PASSES", 2)
+    calls = []
+
+    def assign(parameters):
+        calls.append(parameters)
+        return [
+            replace(
+                station, observations=station.observations.take(slice(0, None, 1 + len(calls) % 2))
+            )
+        ]
+
+    result = readjust(assign, factory, QUICK)
+    assert any("still changes" in text for text in result.warnings)
+
+
+def test_recommended_settings_follow_the_scanner():
+    own_file = UnitSettings.recommended(SCANNERS["HDL-64E"])
+    nominal = UnitSettings.recommended(SCANNERS["VLP-16"], prior={"v": 0.001})
+    assert own_file.far_point_m == 25.04
+    assert nominal.far_point_m is None
+    assert own_file.shift_m > nominal.shift_m
+    assert nominal.prior == {"v": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"azimuth_bin_rad": 0.0}, "azimuth_bin_rad is 0.0"),
+        ({"pose_in_common": 1.0}, "pose_in_common is 1.0"),
+        ({"prior": {"range": 1.0}}, "'range'"),
+        ({"prior": {"dl": -1.0}}, "-1.0"),
+    ],
+)
+def test_wrong_settings_are_told(change, told):
+    with pytest.raises(VelocalError, match=told):
+        UnitSettings(**change)
+
+
+def test_wrong_input_is_told(small):
+    factory, station, _ = small
+    data = station.observations
+    with pytest.raises(VelocalError, match="no observations"):
+        adjust_unit([], factory)
+    with pytest.raises(VelocalError, match="no observations"):
+        adjust_unit([replace(station, observations=data.take(slice(0, 0)))], factory)
+    with pytest.raises(VelocalError, match="more than one station"):
+        adjust_unit([station, station], factory)
+    unknown = replace(data, laser_id=np.full(len(data.phi), 40))
+    with pytest.raises(VelocalError, match="laser 40"):
+        adjust_unit([replace(station, observations=unknown)], factory)
+    endless = replace(data, distance_m=np.full(len(data.phi), np.nan))
+    with pytest.raises(VelocalError, match="no finite distance"):
+        adjust_unit([replace(station, observations=endless)], factory)
+    with pytest.raises(VelocalError, match="2 names"):
+        replace(station, plane_names=("a", "b"))

@@ -44,7 +44,7 @@ def test_an_accurate_survey_moves_a_mean_that_it_sees():
 
 def test_moments_are_those_of_the_mixture():
     """By numerical integration over one mean; the others are known and zero."""
-    mean, covariance = posterior([0.0, 0.02, 0.0], [1e-6, 0.02, 1e-5])
+    mean, covariance = posterior([0.0, 0.02, 0.0], [1e-6, 0.012, 1e-5])
     found = common_mean(mean, covariance, WIDE, SPREAD)
     x = np.linspace(-0.6, 0.6, 40001) * DEG
 
@@ -53,7 +53,7 @@ def test_moments_are_those_of_the_mixture():
 
     # Given that the other means are zero, their components scale the evidence of all of these.
     density = sum(normal(x, ratio * SPREAD[1]) for ratio in RATIOS)
-    density *= normal(x - 0.02 * DEG, 0.02 * DEG)
+    density *= normal(x - 0.02 * DEG, 0.012 * DEG)
     density /= density.sum()
     expected = (density * x).sum()
     variance = (density * (x - expected) ** 2).sum()

@@ -52,8 +52,8 @@ class Spread:
     before_m, after_m : float
         With the factory's and with the adjusted parameters; the plane is fitted to each.
     within_m : float
-        Before, about the mean of each laser on the plane: noise and the surface. No correction of
-        the distances of the lasers makes it smaller.
+        After, about the mean of each laser on the plane: noise and the surface. It remains,
+        however well the distances of the lasers agree.
     gain_m : float
         Before minus after; positive where the adjusted ones are better.
     low_m, high_m : float
@@ -248,7 +248,7 @@ def leave_one_plane_out(
     rng = np.random.default_rng(_SEED)
     times = rng.multinomial(len(seen), np.full(len(seen), 1.0 / len(seen)), size=_RESAMPLES)
     std, resampled = _std(sums.sum(axis=3)), _std(sums[..., seen] @ times.T)
-    count, variance = sums[:, 0, 0], np.nan_to_num(_std(sums[:, :1])[:, 0] ** 2)
+    count, variance = sums[:, 1, 0], np.nan_to_num(_std(sums)[:, 1] ** 2)
     within = np.sqrt((count * variance).sum(axis=1) / count.sum(axis=1))
     parts = tuple(
         PlaneLeftOut(plane, int((own[0, 0] > 0).sum()), _spread(*found), unit)

@@ -1,9 +1,10 @@
 """A unit calibrated on planes that nobody surveyed, and judged on planes that were left out.
 
 The planes are those found in the data. They are unknowns, and adjusted together with the lasers.
-What all lasers have in common cannot be seen then: the means of dl and alpha over the lasers stay
-at the factory's. Upright planes alone do not show a trend of dl with the sine of the vertical angle
-either, because all of them tilt with it. Its prior keeps it small, and the covariance contains it.
+What all lasers have in common is hardly seen then: the means of dl and alpha over the lasers stay at
+the factory's, unless the data decide them clearly better than the unit's own spread
+(`UnitCalibration.common`). Upright planes alone do not show a trend of dl with the sine of the
+vertical angle either, because all of them tilt with it. The covariance contains both.
 """
 
 from __future__ import annotations
@@ -33,8 +34,6 @@ LOOSE_M = 0.2
 #: Standard deviation of a wall or floor about its plane, metres. DIN 18202 allows finished walls to
 #: deviate by as much over one metre.
 FLATNESS_M = 0.005
-#: Prior standard deviation of what all lasers have in common, metres.
-IN_COMMON_M = 1e-4
 #: An angle of which the data decide less than this share is not adjusted.
 LEAST_SHARE = 0.5
 #: Spread over the lasers of an angle that is not adjusted, radians.
@@ -121,8 +120,6 @@ def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSe
     settings = UnitSettings.recommended(scanner, factory=parameters)
     return replace(
         settings,
-        common_shift_m=IN_COMMON_M,
-        mean_dl_m=IN_COMMON_M,
         hold_below=0.0,
         far_point_m=settings.far_point_m if TWO_POINT in parameters.carried else None,
     )

@@ -25,9 +25,8 @@ _DOF = 3.0
 #: Standard deviations that no unit has at zero. Their prior density is zero there, and not largest:
 #: it is that of the half-t times sigma, with its tail.
 _NEVER_ZERO = ("dl", "alpha", "v")
-#: Prior standard deviations of the means over the lasers: wide, as nothing is known. That of dl
-#: is a setting.
-MEAN_STD = {"alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
+#: Prior standard deviations of the means over the lasers: wide, as nothing is known.
+MEAN_STD = {"dl": 0.05, "alpha": float(np.deg2rad(1.0)), "v": float(np.deg2rad(1.0)), "scale": 1e-3}
 #: Scales of the hyperprior. Its tails are wide, so that data decide; without data (v, where only
 #: walls are seen) a unit is taken to be as good as usual, and its lasers are not moved by noise.
 SCALES = {
@@ -83,14 +82,11 @@ class Population:
     sizes : tuple of Size
     far : bool
         Whether the scale is the correction at a far point, metres.
-    mean_dl_m : float
-        Prior standard deviation of the mean of dl.
     """
 
     layout: Layout
     sizes: tuple[Size, ...]
     far: bool
-    mean_dl_m: float
 
     @classmethod
     def of(cls, layout: Layout, settings: UnitSettings) -> Population:
@@ -117,7 +113,7 @@ class Population:
         sizes.append(Size("shift", "m", shift if one else SCALES["shift"], one, shifts, none))
         sizes.append(Size("plane", "m", SCALES["plane"], False, planes.astype(np.int64), none))
         sizes.append(Size("common", "m", both if one else SCALES["common"], one, none, common))
-        return cls(layout, tuple(sizes), far, settings.mean_dl_m)
+        return cls(layout, tuple(sizes), far)
 
     @property
     def learnt(self) -> list[Size]:
@@ -134,9 +130,8 @@ class Population:
     def posterior(self, sums: Sums, log: Array) -> Posterior:
         """Posterior for the logarithms of the learnt standard deviations."""
         std, common = np.ones(self.layout.own), np.ones(self.layout.common)
-        means = MEAN_STD | {"dl": self.mean_dl_m}
         for place, name in enumerate(UNKNOWNS[:WITH_MEAN]):
-            common[place] = 0.01 if self.far and name == "scale" else means[name]
+            common[place] = 0.01 if self.far and name == "scale" else MEAN_STD[name]
         for size, value in zip(self.sizes, self.values(log), strict=True):
             std[size.own] = value
             common[size.common] = value

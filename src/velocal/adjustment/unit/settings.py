@@ -41,10 +41,6 @@ class UnitSettings:
         estimated.
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
-    mean_dl_m : float
-        Prior standard deviation of the mean of dl over the lasers, metres. It is wide, as a survey
-        tells this mean. Where no plane is surveyed, nothing tells it: with a small value it stays
-        at the factory's.
     offset_m : float
         Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
         corrected, but their errors would otherwise be read as angles.
@@ -76,7 +72,6 @@ class UnitSettings:
     prior: Mapping[str, float] | None = None
     shift_m: float = 0.005
     common_shift_m: float = 0.005
-    mean_dl_m: float = 0.05
     offset_m: float = 0.0007
     least_voff_m: float = 0.002
     far_point_m: float | None = None

@@ -1,8 +1,8 @@
 """A unit calibrated on planes that nobody surveyed, and judged on planes that were left out.
 
 The planes are those found in the data. They are unknowns, and adjusted together with the lasers.
-What all lasers have in common is hardly seen then: the means of dl and alpha over the lasers stay at
-the factory's, unless the data decide them clearly better than the unit's own spread
+What all lasers have in common is hardly seen then: the means of dl and alpha over the lasers stay
+at the factory's, unless the data decide them clearly better than the unit's own spread
 (`UnitCalibration.common`). Upright planes alone do not show a trend of dl with the sine of the
 vertical angle either, because all of them tilt with it. The covariance contains both.
 """

@@ -16,12 +16,16 @@ def main(
     assigned: Path,
     survey: Path,
     calibration: Path | None,
+    checks: Path,
     adjustment: Path,
     covariance: Path,
     scanner: str,
     config: Adjustment,
 ) -> None:
-    """Write corrections and quality per laser, and all covariances, as CSV."""
+    """Write corrections and quality per laser, and all covariances, as CSV.
+
+    `checks` is not read: it exists only if the checks found no error of the survey.
+    """
     columns, _ = storage.read_table(assigned, schemas.ASSIGNED)
     station = read_station(survey)
     factory = read_or_nominal(calibration, scanner_named(scanner))

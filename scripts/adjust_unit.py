@@ -24,6 +24,7 @@ def main(
     medians: list[Path],
     surveys: list[Path],
     calibration: Path | None,
+    checks: Path,
     csv: Path,
     json: Path,
     yaml: Path,
@@ -39,7 +40,8 @@ def main(
 ) -> None:
     """Write the calibration in every format, what it rests on, and what was held out.
 
-    `positions` are those of every file of medians.
+    `positions` are those of every file of medians. `checks` is not read: it exists only if the
+    checks found no error of the survey.
     """
     known = scanner_named(scanner)
     factory = formats.read_or_nominal(calibration, known)

@@ -18,6 +18,7 @@ from velocal.paper.printed import known_misses
 from velocal.reporting import report
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
+from velocal.survey.checks.findings import read_findings
 
 FIGURE: TypeAdapter[Figure] = TypeAdapter(Figure)
 
@@ -38,6 +39,7 @@ def main(
     listed_misses: Path | None,
     summary: Path | None,
     surveys: list[Path],
+    checks: Path | None,
     sets: list[Path],
     pictures: list[Path],
     numbers: list[Path],
@@ -95,6 +97,7 @@ def main(
             for (number, selection), png, csv in drawn
         ],
         surveys=[storage.read_json(path) for path in surveys],
+        warnings=read_findings(checks) if checks else (),
         sets=columns,
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners

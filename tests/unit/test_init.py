@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -17,7 +18,7 @@ from velocal.survey.targets import read_targets
 
 GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
 #: Keys that a study of one's own has no use for.
-NOT_WRITTEN = {"simulation", "methods", "compare_with_paper", "unsurveyed", "by_scanner", "outdoor"}
+NOT_WRITTEN = {"simulation", "runs", "compare_with_paper", "unsurveyed", "by_scanner", "outdoor"}
 #: A surveyor who hands over observations finds them in config/README.md.
 NOT_WRITTEN |= {"observations"}
 #: The adjustment of single windows, as in the paper.
@@ -54,7 +55,7 @@ def test_next_steps_are_told(tmp_path):
 
 
 def test_every_key_is_there_with_a_comment(tmp_path):
-    init(tmp_path / "s")
+    init(tmp_path / "s", "--positions", "2")
     text = (tmp_path / "s/config.yaml").read_text()
     for key, _ in keys(StudyConfig):
         names = [name for name in key.split(".") if not re.match(r'[{"]', name)]
@@ -80,6 +81,32 @@ def test_survey_templates_hold_examples_in_comments(name, tmp_path):
     examples = re.findall(r"^# (\S+,\S+,.*)$", text, flags=re.MULTILINE)
     path.write_text(text + "\n".join(examples) + "\n")
     assert len(read_targets(path, GROUPS[name]).name) == len(examples) >= 3
+
+
+def base_examples(scanner, tmp_path):
+    init(tmp_path / scanner, "--scanner", scanner)
+    text = (tmp_path / scanner / "survey/base_scanner.csv").read_text()
+    return text, re.findall(r"^# (B\d,.*)$", text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("scanner", SCANNERS)
+def test_the_sheet_says_where_the_origin_is(scanner, tmp_path):
+    text, examples = base_examples(scanner, tmp_path)
+    height = SCANNERS[scanner].origin_height_m
+    assert (f"{height * 1000:g} mm ABOVE the bottom" in text) == (height > 0.0)
+    assert float(examples[0].split(",")[4]) == pytest.approx(-height, abs=6e-4)  # rounded to 1 mm
+
+
+def test_the_examples_are_one_base(tmp_path):
+    """The same distances between the targets in both frames, to a few millimetres."""
+    _, of_scanner = base_examples("HDL-32E", tmp_path)
+    text = (tmp_path / "HDL-32E/survey/base_field.csv").read_text()
+    of_site = re.findall(r"^# (B\d,.*)$", text, flags=re.MULTILINE)
+    sizes = []
+    for rows in (of_scanner, of_site):
+        xyz = np.array([[float(cell) for cell in row.split(",")[2:5]] for row in rows])
+        sizes.append(np.linalg.norm(xyz - np.roll(xyz, 1, axis=0), axis=1))
+    assert np.abs(sizes[0] - sizes[1]).max() < 0.003
 
 
 def test_nothing_is_overwritten(tmp_path):

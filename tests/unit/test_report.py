@@ -23,6 +23,7 @@ from velocal.reporting import report
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 from velocal.study.figures import LaserFigure
+from velocal.survey.checks.findings import Finding, columns
 
 LASERS, SUMMARY = statistics()
 FACTORY = nominal(SCANNERS["HDL-32E"])
@@ -275,6 +276,7 @@ def test_script_reads_what_is_there(tmp_path):
     item = FULL.agreement["item"][FULL.agreement["within"] == "true"].iloc[0]
     (tmp_path / "known.csv").write_text(f"item,rotations,reason\n{item},,it was missed once\n")
     storage.write_json(tmp_path / "P5.json", SURVEY)
+    storage.write_csv(tmp_path / "checks.csv", columns([]))
     drawn = tmp_path / "figure_16.png"
     drawn.write_bytes(PNG)
     storage.write_csv(drawn.with_suffix(".csv"), FULL.figures[0].numbers)
@@ -286,6 +288,7 @@ def test_script_reads_what_is_there(tmp_path):
         "agreement": tmp_path / "agreement.csv",
         "listed_misses": tmp_path / "known.csv",
         "surveys": [tmp_path / "P5.json"],
+        "checks": tmp_path / "checks.csv",
         "pictures": [drawn],
         "numbers": [drawn.with_suffix(".csv")],
         "sets": [of_set],
@@ -309,6 +312,15 @@ def test_script_reads_what_is_there(tmp_path):
     ]  # fmt: skip
     assert str(tmp_path) not in page
     assert f"{item}: is listed as a known miss, but it is not missed" in text_of(page)
+
+
+def test_warnings_of_the_survey_stand_on_top():
+    warning = Finding("warning", "pose", "base.csv, position <P1>", "is poor", "2 cm", "Do this.")
+    page = report.render(replace(FULL, warnings=[warning]))
+    Elements(page)
+    top = text_of(page[: page.index("<nav")])
+    assert "base.csv, position &lt;P1&gt;: is poor (allowed: 2 cm). Do this." in top
+    assert "The checks of the survey warn" not in PAGE
 
 
 def test_methods_are_compared():

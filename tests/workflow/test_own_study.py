@@ -131,6 +131,34 @@ def test_a_second_run_from_elsewhere_is_idle(finished, tmp_path):
     assert "Nothing to be done" in done.stdout + done.stderr
 
 
+def test_the_only_position_is_warned_of(finished):
+    warned = (finished / "results/survey/checks.csv").read_text()
+    assert "independent check" in warned
+    report = (finished / "results/report.html").read_text()
+    assert "The checks of the survey warn of this" in report[: report.index("<nav")]
+
+
+def test_a_wrong_survey_stops_the_run(finished):
+    sheet = finished / "survey/base_scanner.csv"
+    calibration = finished / f"results/parameter_sets/{SCANNER}/all.xml"
+    right, before = sheet.read_text(), calibration.read_bytes()
+    head, *rows = right.splitlines()
+    cells = [row.split(",") for row in rows]
+    exchanged = [",".join([*row[:2], row[3], row[2], *row[4:]]) for row in cells]
+    sheet.write_text("\n".join([head, *exchanged, ""]))
+    done = snakemake(finished, "--cores", "2")
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert "nothing is exported" in said
+    assert "It looks as if X and Y of the base are exchanged" in said
+    assert "Traceback" not in said
+    assert calibration.read_bytes() == before
+    sheet.write_text(right)
+    done = snakemake(finished, "--cores", "2")
+    assert done.returncode == 0, done.stderr
+    assert "Warning: scanner HDL-32E: there is one position only" in done.stdout + done.stderr
+
+
 def test_untouched_templates_say_what_is_missing(tmp_path):
     velocal_init(tmp_path / "study")
     done = snakemake(tmp_path / "study", "--cores", "2")

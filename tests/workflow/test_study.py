@@ -118,7 +118,9 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
     assert {w for rule, w in jobs if rule == "adjust_survey"} == {"position=P6"}
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
     # Summaries, and what is made of them: the new sample belongs to no set.
-    assert of_all <= {"summarise_statistics", "make_table", "draw_lasers", "write_report"}
+    assert of_all <= {
+        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "write_report",
+    }  # fmt: skip
 
 
 def test_one_core_gives_the_same_bytes(finished, tmp_path):
@@ -168,10 +170,13 @@ def test_a_study_starts_from_its_own_recording(tmp_path):
     # The table takes 4160 packets from where it begins: 24 rotations hold it for sure.
     config.write_text(config.read_text().replace("rotations: 12", "rotations: 24"))
     asked = "results/adjustment/sa3/beginning.csv"
-    rules = [rule for rule, _ in planned(folder, asked)]
-    assert rules.count("index_recording_with_calibration") == 1
-    assert "index_recording" not in rules  # the calibration comes out of the one scan
-    assert "simulate_factory" not in rules
+    jobs = planned(folder, asked)
+    # The calibration comes out of the one scan; the other scanner takes part in the checks only.
+    assert [where for rule, where in jobs if rule == "index_recording_with_calibration"] == [
+        "sample=sa3"
+    ]
+    assert [where for rule, where in jobs if rule == "index_recording"] == ["sample=sa5"]
+    assert [where for rule, where in jobs if rule == "simulate_factory"] == ["scanner=HDL-32E"]
     done = snakemake(folder, "--cores", "2", asked)
     assert done.returncode == 0, done.stdout + done.stderr
     assert pd.read_csv(folder / asked)["dl_std_m"].notna().all()

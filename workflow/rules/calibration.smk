@@ -71,6 +71,8 @@ rule adjust_lasers:
         assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
+        # Nothing is adjusted with a wrong survey; what the checks say changes no adjustment.
+        checks=ancient(CHECKS),
     output:
         adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
         covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
@@ -94,6 +96,7 @@ rule adjust_unit:
             samples_of_calibration(wildcards),
         ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
+        checks=ancient(CHECKS),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",

@@ -81,6 +81,7 @@ rule write_report:
         listed_misses=KNOWN_MISSES if AGREEMENT else [],
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
+        checks=CHECKS if STUDY.surveyed else [],
         sets=expand("{path}.csv", path=SETS),
         factories=[path for path in STUDY.factories.values() if path != NOMINAL],
         pictures=figure_files(FIGURES, ["png"]),

@@ -10,9 +10,15 @@
 #       {results}/survey/network.{svg,png}   plan with error ellipses
 #       {results}/survey/{position}.json   transformation T_scanner_field with covariance and
 #       residuals; planes with covariance, flatness and corners, in the scanner frame
+#       {results}/survey/checks.{csv,md}   what the checks of the survey warn of; an error of the
+#       survey, or of a recording against it, stops the run here
+#       {results}/survey/checks_planes.csv   what every sample says of every plane
+
+from velocal.survey.checks.findings import read_findings
 
 SURVEY, OBSERVATIONS = STUDY.coordinates, STUDY.observations
 SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
+CHECKS = f"{RESULTS}/survey/checks.csv"
 
 if OBSERVATIONS:
 
@@ -66,3 +72,44 @@ rule adjust_survey:
         names=lambda wildcards: list(STUDY.assignment.planes),
     script:
         "../../scripts/adjust_survey.py"
+
+
+# The last lines of a run repeat what the top of the report says.
+onsuccess:
+    for warning in read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []:
+        print(f"Warning: {warning}")
+
+
+rule check_survey:
+    input:
+        planes=SURVEY.planes if SURVEY else [],
+        base_scanner=SURVEY.base_scanner if SURVEY else [],
+        base_field=SURVEY.base_site if SURVEY else [],
+        covariance=f"{RESULTS}/survey/covariance.json" if OBSERVATIONS else [],
+        surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
+        medians=per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet", STUDY.surveyed
+        ),
+        calibrations=[path for path in STUDY.factories.values() if path != NOMINAL],
+    output:
+        checks=CHECKS,
+        planes_csv=f"{RESULTS}/survey/checks_planes.csv",
+        md=f"{RESULTS}/survey/checks.md",
+    log:
+        f"{RESULTS}/logs/check_survey.log",
+    params:
+        positions=list(STUDY.positions),
+        samples=samples_per_window(STUDY.surveyed),
+        windows=[
+            window for sample in STUDY.surveyed.values() for window in sample.windows
+        ],
+        sample_positions={
+            name: sample.position for name, sample in STUDY.surveyed.items()
+        },
+        scanners=STUDY.positions,
+        files_of=[name for name, path in STUDY.factories.items() if path != NOMINAL],
+        adjustments={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
+        limits=lambda wildcards: STUDY.assignment.limits.plain(),
+        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+    script:
+        "../../scripts/check_survey.py"

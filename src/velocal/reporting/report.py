@@ -29,6 +29,7 @@ from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
+from velocal.survey.checks.findings import Finding
 
 DATA = Path(__file__).parent
 
@@ -110,6 +111,8 @@ class Study:
     figures : sequence of Figure
     surveys : sequence of mapping
         Pose and planes of every position, as `Station.to_json` gives them.
+    warnings : sequence of Finding
+        What the checks of the survey warn of.
     sets : mapping of str to mapping
         Columns of the parameter sets, by scanner and name.
     factories : mapping of str to LaserParameters
@@ -140,6 +143,7 @@ class Study:
     unexpected: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     surveys: Sequence[Mapping[str, Any]] = ()
+    warnings: Sequence[Finding] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None

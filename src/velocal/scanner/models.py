@@ -90,6 +90,11 @@ class Scanner:
         Product bytes that were seen as well.
     embeds_calibration : bool
         Whether the scanner sends its factory calibration in the status bytes of its packets.
+    origin_height_m : float
+        Height of the origin of the scanner frame above the bottom of the base, metres. The origin
+        is the one of the maker's beam equations: the optical centre where a scanner is made to
+        nominal values. That of an HDL-64E is taken at the bottom, since the file of the factory
+        states the height of every laser (`voff`, 0.1 to 0.2 m).
     """
 
     name: str
@@ -111,6 +116,7 @@ class Scanner:
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
     embeds_calibration: bool = False
+    origin_height_m: float = 0.0
 
     @property
     def short_name(self) -> str:
@@ -249,6 +255,7 @@ def _one_column(
     azimuth_bin_ticks: int,
     max_range_m: float,
     factory_byte: int,
+    origin_height_m: float,
     rotational_deg: NDArray[np.floating] | None = None,
     dual_packet_rate_hz: float | None = None,
     other_factory_bytes: tuple[int, ...] = (),
@@ -269,6 +276,7 @@ def _one_column(
         dual_packet_rate_hz=dual_packet_rate_hz or 2.0 * rate,
         other_factory_bytes=other_factory_bytes,
         distance_tick_m=distance_tick_m,
+        origin_height_m=origin_height_m,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=rate,
         azimuth_bin_ticks=azimuth_bin_ticks,
@@ -283,7 +291,11 @@ def _one_column(
 
 
 def _hdl32e() -> Scanner:
-    """HDL-32E: +10.67 to -30.67 deg in steps of 4/3 deg, fired low and middle in turn."""
+    """HDL-32E: +10.67 to -30.67 deg in steps of 4/3 deg, fired low and middle in turn.
+
+    The height of the optical centre is that of the drawings which ROS uses (package
+    velodyne_description, HDL-32E.urdf.xacro).
+    """
     pair = np.repeat(np.arange(16), 2)
     lower = np.arange(32) % 2 == 0
     return _one_column(
@@ -296,6 +308,7 @@ def _hdl32e() -> Scanner:
         azimuth_bin_ticks=10,
         max_range_m=100.0,
         factory_byte=0x21,
+        origin_height_m=0.09081,
     )
 
 
@@ -303,7 +316,8 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
     """VLP-16: 16 lasers in even steps, two firings in a block of 32 channels.
 
     The steps are 2 deg (-15 to +15 deg), and 4/3 deg (-10 to +10 deg) of a Hi-Res; the timing is
-    the same (VLP-16 manual, tables of vertical angles and of factory bytes).
+    the same (VLP-16 manual, tables of vertical angles and of factory bytes). The origin is 37.7 mm
+    above the base (the same, "Sensor origin and frame of reference").
     """
     rank = np.arange(16) // 2 + np.where(np.arange(16) % 2 == 0, 0, 8)
     return _one_column(
@@ -316,6 +330,7 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
         azimuth_bin_ticks=20,
         max_range_m=100.0,
         factory_byte=factory_byte,
+        origin_height_m=0.0377,
     )
 
 
@@ -333,7 +348,10 @@ _VLP32C_OFFSET_DEG = np.array(
 
 
 def _vlp32c() -> Scanner:
-    """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm."""
+    """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm.
+
+    The origin is 37.34 mm above the base (manual, "Sensor origin and frame of reference").
+    """
     return _one_column(
         "VLP-32C",
         Family.VLP32,
@@ -345,6 +363,7 @@ def _vlp32c() -> Scanner:
         azimuth_bin_ticks=20,
         max_range_m=200.0,
         factory_byte=0x28,
+        origin_height_m=0.03734,
         distance_tick_m=0.004,
     )
 
@@ -371,7 +390,8 @@ def _vls128() -> Scanner:
     the last: 53.3 us (VLS-128 manual, firing sequence; later firmware is 8 % slower). The four
     blocks of a firing have the azimuth of its first group. Three firings fill a packet; with two
     returns it holds one, in eight blocks, and four blocks without a flag. 0x63 is the product byte
-    of the manuals, 0xA1 that of delivered units (ROS driver).
+    of the manuals, 0xA1 that of delivered units (ROS driver). The origin is 66.11 mm above the base
+    (manual, "Sensor origin and frame of reference").
     """
     group = np.arange(128) // 8
     return _one_column(
@@ -385,6 +405,7 @@ def _vls128() -> Scanner:
         azimuth_bin_ticks=20,
         max_range_m=245.0,
         factory_byte=0xA1,
+        origin_height_m=0.06611,
         other_factory_bytes=(0x63,),
         dual_packet_rate_hz=1.0 / 53.3e-6,
         distance_tick_m=0.004,

@@ -51,6 +51,7 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         "workflow": json.dumps(str(workflow.resolve())),
         "scanner": scanner.name,
         "scanners": ", ".join(SCANNERS),
+        "origin_height_m": scanner.origin_height_m,
         "azimuth_bin_deg": scanner.azimuth_bin_ticks / 100,
         "samples": [f"sample{number + 1}" for number in range(positions)],
         "positions": [f"P{number + 1}" for number in range(positions)],

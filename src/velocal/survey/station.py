@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,13 @@ from velocal.errors import StorageError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.io import storage
-from velocal.survey.targets import SurveyCovariances, Targets, common, read_targets
+from velocal.survey.targets import (
+    SurveyCovariances,
+    Targets,
+    common,
+    read_targets,
+    shifted_plane,
+)
 
 
 @dataclass(frozen=True)
@@ -108,6 +114,9 @@ class Station:
         Of the adjustment of the pose.
     planes : tuple of SurveyedPlane
         In the scanner frame; the rows of assigned returns count them in this order.
+    site_origin_m : ndarray, shape (3,)
+        Was subtracted from all coordinates of the site before the adjustment; zero unless they are
+        large (`Targets.reduction`). `pose` belongs to the reduced coordinates.
     """
 
     position: str
@@ -118,6 +127,7 @@ class Station:
     variance_factor: float
     redundancy: int
     planes: tuple[SurveyedPlane, ...]
+    site_origin_m: Array = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def adjust(
@@ -154,6 +164,8 @@ class Station:
         SurveyError
             If targets are too few or lie on a line.
         """
+        origin = planes.reduction()
+        planes, base_site = planes.reduced(origin), base_site.reduced(origin)
         site, scanner = common(base_site, base_scanner, where=where)
         adjusted = adjust_rigid(site.xyz, scanner.xyz, site.covariance(), scanner.covariance())
         pose = adjusted.transformation
@@ -163,7 +175,7 @@ class Station:
             points = pose.apply(targets.xyz)
             fit = fit_plane(points, targets.isotropic_std())
             if covariances and name in covariances:
-                moved = pose.plane_matrix()
+                moved = pose.plane_matrix() @ shifted_plane(origin)
                 known = moved @ covariances[name] @ moved.T
                 fit = replace(fit, plane=replace(fit.plane, covariance=known))
             surveyed.append(
@@ -184,6 +196,7 @@ class Station:
             variance_factor=adjusted.variance_factor,
             redundancy=adjusted.redundancy,
             planes=tuple(surveyed),
+            site_origin_m=origin,
         )
 
     @property
@@ -226,9 +239,11 @@ class Station:
 
     def to_json(self) -> dict[str, Any]:
         """Content of the file ``survey/{position}.json``."""
+        reduced = {"site_origin_m": self.site_origin_m} if self.site_origin_m.any() else {}
         return {
             "position": self.position,
             "scanner": self.scanner,
+            **reduced,
             "pose": {
                 # The name of the site frame in files.
                 "name": "T_scanner_field",
@@ -260,6 +275,7 @@ class Station:
             variance_factor=_number(pose["variance_factor"]),
             redundancy=pose["redundancy"],
             planes=tuple(SurveyedPlane.from_json(plane) for plane in content["planes"]),
+            site_origin_m=np.array(content.get("site_origin_m", np.zeros(3))),
         )
 
 
@@ -308,20 +324,45 @@ def adjust_station(
     >>> [plane.patch.name for plane in station.planes]
     ['short_wall', 'long_wall', 'floor']
     """
-    on_base = read_targets(Path(base_site), "position").of(position, where=str(base_site))
-    known = None
-    if covariance:
-        known = SurveyCovariances.from_json(storage.read_json(Path(covariance)))
-        on_base = known.of_base(on_base, position, where=str(covariance))
+    known = SurveyCovariances.from_json(storage.read_json(Path(covariance))) if covariance else None
     on_planes = read_targets(Path(planes), "plane")
     return Station.adjust(
         on_planes,
         read_targets(Path(base_scanner), "scanner").of(scanner, where=str(base_scanner)),
-        on_base,
+        read_base(base_site, position, covariance),
         list(dict.fromkeys(on_planes.group)) if names is None else names,
         covariances=known.planes if known else None,
         where=str(planes),
     )
+
+
+def read_base(
+    base_site: str | Path, position: str, covariance: str | Path | None = None
+) -> Targets:
+    """Read the targets of a scanner's base at a position.
+
+    Parameters
+    ----------
+    base_site : str or Path
+        CSV of the targets in the site frame; column ``position``.
+    position : str
+    covariance : str or Path, optional
+        JSON with the covariances that the survey's own adjustment gave.
+
+    Returns
+    -------
+    Targets
+
+    Raises
+    ------
+    SurveyError
+        If a file is missing or faulty, or has no such position.
+    """
+    found = read_targets(Path(base_site), "position").of(position, where=str(base_site))
+    if covariance is None:
+        return found
+    known = SurveyCovariances.from_json(storage.read_json(Path(covariance)))
+    return known.of_base(found, position, where=str(covariance))
 
 
 def read_station(path: str | Path) -> Station:

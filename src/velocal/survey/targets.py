@@ -19,6 +19,8 @@ from velocal.survey.tables import check_unique, read_table
 
 COORDINATES = ("x_m", "y_m", "z_m")
 DEVIATIONS = ("std_x_mm", "std_y_mm", "std_z_mm")
+#: Size from which coordinates of a site are reduced, and unit of what is subtracted, metres.
+LARGE_M, REDUCTION_M = 1e4, 1e2
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,27 @@ class Targets:
             self.std[list(rows)],
             joint,
         )
+
+    def reduction(self) -> Array:
+        """Coordinates to subtract where those of a site are large, shape (3,), metres.
+
+        National and UTM coordinates have millions of metres. The rotation of a pose about so far an
+        origin would be inseparable from its translation in double precision. The mean, rounded to
+        `REDUCTION_M`, is subtracted; zero where all coordinates are below `LARGE_M`.
+        """
+        if np.abs(self.xyz).max(initial=0.0) < LARGE_M:
+            return np.zeros(3)
+        return np.asarray(np.round(self.xyz.mean(axis=0) / REDUCTION_M) * REDUCTION_M)
+
+    def reduced(self, origin: Array) -> Targets:
+        """The same targets with reduced coordinates.
+
+        Parameters
+        ----------
+        origin : ndarray, shape (3,)
+            Is subtracted from all coordinates, metres.
+        """
+        return replace(self, xyz=self.xyz - origin) if origin.any() else self
 
     def covariance(self) -> Array:
         """Covariance of all coordinates, shape (3n, 3n), square metres."""
@@ -243,6 +266,19 @@ def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
         for part in parts
     ]
     return pd.concat(frames, ignore_index=True)
+
+
+def shifted_plane(origin: Array) -> Array:
+    """Matrix that takes normal and offset of a plane to reduced coordinates, shape (4, 4).
+
+    Parameters
+    ----------
+    origin : ndarray, shape (3,)
+        Is subtracted from the coordinates, metres.
+    """
+    matrix = np.eye(4)
+    matrix[3, :3] = origin
+    return matrix
 
 
 def common(first: Targets, second: Targets, *, where: str) -> tuple[Targets, Targets]:

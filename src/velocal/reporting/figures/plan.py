@@ -82,7 +82,7 @@ def plan(
             yield "median", patch.name, xyz[_thinned(rows)], len(rows)
             yield OUTLINE, patch.name, corners[index], 0
             group = np.array(targets.group) == patch.name
-            yield TARGET, patch.name, targets.xyz[group], 0
+            yield TARGET, patch.name, targets.xyz[group] - station.site_origin_m, 0
         origin = to_field.apply(np.array([[0.0, 0.0, 0.0], [0.0, _ARROW_M, 0.0]]))
         yield SCANNER, "", origin[:1], 0
         yield AHEAD, "", origin[1:], 0

@@ -1,0 +1,1 @@
+"""Checks that find a wrong survey before anything is exported; see docs/survey-checks.md."""

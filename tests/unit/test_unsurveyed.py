@@ -1,0 +1,147 @@
+"""A unit calibrated on planes that nobody surveyed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from velocal.errors import VelocalError
+from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
+from velocal.evaluation.unsurveyed import (
+    adjust_unsurveyed,
+    leave_one_plane_out,
+    unit_station_of,
+    unsurveyed_settings,
+)
+from velocal.geometry.planes import Plane
+from velocal.scanner.beam import Beams, laser_beams
+from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
+
+SCANNER = SCANNERS["VLP-16"]
+NOMINAL = nominal(SCANNER)
+SETTINGS = replace(
+    unsurveyed_settings(SCANNER, NOMINAL),
+    azimuth_bin_rad=np.deg2rad(3.0),
+    integration_points=1,
+    linearisations=1,
+)
+LIMITS = PlaneLimits(min_points=100, incidence_rad=np.deg2rad(70.0))
+#: Angle of the normal, distance, and middle of the part of four walls: degrees and metres.
+WALLS = {"north": (0, 3.0), "east": (95, 2.0), "south": (170, 4.0), "west": (260, 2.5)}
+NOISE_M = 0.003
+
+
+@pytest.fixture(scope="module")
+def errors():
+    """Errors of the distances; their mean is zero."""
+    found = np.random.default_rng(4).normal(0.0, 0.015, len(NOMINAL))
+    return found - found.mean()
+
+
+def cloud_of(errors):
+    """Four walls as a unit with errors sees them, with nominal values; rows of every wall."""
+    rng = np.random.default_rng(5)
+    true = NOMINAL.corrected({"dl": errors})
+    parts, rows, used = [], {}, 0
+    for name, (middle, distance) in WALLS.items():
+        phi = np.deg2rad(middle + np.arange(-30.0, 30.0, 0.5)) % (2.0 * np.pi)
+        phi = np.repeat(phi, len(NOMINAL))
+        laser = np.tile(np.arange(len(NOMINAL)), len(phi) // len(NOMINAL))
+        normal = np.array([np.sin(np.deg2rad(middle)), np.cos(np.deg2rad(middle)), 0.0])
+        direction, origin = laser_beams(phi, laser, true)
+        length = (distance - origin @ normal) / (direction @ normal)
+        raw = length - true.dl[laser] + rng.normal(0.0, NOISE_M, len(laser))
+        parts.append((raw, phi, laser))
+        rows[name] = used + np.arange(len(laser))
+        used += len(laser)
+    raw, phi, laser = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
+
+
+def planes_of(cloud, rows):
+    return [fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items()]
+
+
+def visible(dl):
+    """What upright planes that nobody surveyed show of the distances.
+
+    If the distances of all lasers change by a constant, the planes shift; if they change by a
+    multiple of the sine of the vertical angle, the planes tilt.
+    """
+    hidden = np.column_stack([np.ones(len(dl)), np.sin(NOMINAL.v)])
+    return dl - hidden @ np.linalg.lstsq(hidden, dl, rcond=None)[0]
+
+
+def rms(values):
+    return np.sqrt(np.mean(values**2))
+
+
+def test_distances_are_found_without_a_survey(errors):
+    cloud, rows = cloud_of(errors)
+    station = unit_station_of(cloud, planes_of(cloud, rows))
+    found = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration
+    dl = found.corrections[:, 0]
+    assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
+    std = np.sqrt(found.covariance[:, 0, 0])
+    assert (np.abs(dl - errors) < 3.0 * std).all()
+    # Angles that the walls show no better than the distances remain the factory's.
+    np.testing.assert_allclose(found.corrections[:, 1:], 0.0, atol=1e-5)
+
+
+def test_what_all_lasers_share_is_hardly_seen_and_left(errors):
+    """The mean of dl remains near the factory's, though all distances are wrong by 3 cm."""
+    cloud, rows = cloud_of(errors + 0.03)
+    station = unit_station_of(cloud, planes_of(cloud, rows))
+    dl = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration.corrections[:, 0]
+    assert abs(dl.mean()) < 0.2 * 0.03
+    assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
+
+
+def test_the_fitted_planes_are_not_believed(errors):
+    """Planes that are wrong by 5 cm and 1 degree give the same calibration."""
+    cloud, rows = cloud_of(errors)
+    planes = planes_of(cloud, rows)
+    moved = []
+    for plane in planes:
+        old = plane.fit.plane
+        normal = old.normal + np.deg2rad(1.0) * np.cross([0.0, 0.0, 1.0], old.normal)
+        normal /= np.linalg.norm(normal)
+        centre = cloud.xyz[plane.rows].mean(axis=0)
+        new = Plane(normal, 0.05 - float(normal @ centre), old.covariance)
+        moved.append(replace(plane, fit=replace(plane.fit, plane=new)))
+    dl = [
+        adjust_unsurveyed([unit_station_of(cloud, each)], NOMINAL, SETTINGS).calibration.corrections
+        for each in (planes, moved)
+    ]
+    assert rms(visible(dl[0][:, 0] - dl[1][:, 0])) < 0.05 * rms(visible(errors))
+
+
+def test_every_plane_is_left_out_once(errors):
+    cloud, rows = cloud_of(errors)
+    found = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS)
+    assert [each.plane.name for each in found.planes] == list(WALLS)
+    for each in found.planes:
+        assert each.lasers == len(NOMINAL)
+        assert each.spread.within_m == pytest.approx(NOISE_M, rel=0.1)
+        assert each.spread.after_m < 1.3 * NOISE_M < each.spread.before_m
+        assert 0.0 < each.spread.low_m < each.spread.gain_m < each.spread.high_m
+    before = np.mean([each.spread.before_m for each in found.planes])
+    assert found.mean.before_m == pytest.approx(before)
+
+
+def test_a_perfect_unit_gains_nothing():
+    cloud, rows = cloud_of(np.zeros(len(NOMINAL)))
+    mean = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS).mean
+    assert abs(mean.gain_m) < 0.03 * NOISE_M
+
+
+def test_one_plane_cannot_be_left_out(errors):
+    cloud, rows = cloud_of(errors)
+    with pytest.raises(VelocalError, match="1 planes, of which one is left out"):
+        leave_one_plane_out(cloud, planes_of(cloud, rows)[:1], SETTINGS)
+
+
+def test_nominal_values_contain_no_far_correction():
+    scanner = SCANNERS["HDL-64E-S1"]
+    assert unsurveyed_settings(scanner, nominal(scanner)).far_point_m is None

@@ -197,7 +197,6 @@ def test_table_and_verdict(numbers):
     worse = numbers.copy()
     worse.loc[worse["method"] == methods.DEFAULT, "other_walls_rms_cm"] *= 9.0
     assert "NOT better there" in comparison.verdict(worse)[0]
-    assert "it is better there" in comparison.verdict(numbers)[0]
     blind = numbers.drop(columns=[*numbers.filter(like="error"), "v_far_off"])
     assert len(comparison.verdict(blind)) == 1
     assert (

@@ -112,7 +112,7 @@ def test_the_temperature_of_a_window_is_read_from_its_packets(scanner, place, sa
     world, path = study_world(), tmp_path / "capture.bin"
     storage.write_blocks(path, capture.records(world, scanner, place, sample, 6))
     index = inspect(path).index
-    windows = [window_rotations(index, name, 2, "here") for name in ("beginning", "end")]
+    windows = [window_rotations(index, name, 1, "here") for name in ("beginning", "end")]
     found = [temperature_deg_c(path, index, rotations) for rotations in windows]
     if scanner == "HDL-32E":
         assert np.isnan(found).all()

@@ -59,10 +59,10 @@ class CorrectedSurvey:
         for number, station in enumerate(stations):
             found.pose[number] = shared.pose(number) @ errors
             for effect in shared.effects:
-                if effect.kind == "planes" and effect.station in (-1, number):
-                    if effect.name in station.plane_names:
-                        place = station.plane_names.index(effect.name)
-                        found.planes[number][place] = effect.root @ errors[effect.columns]
+                seen = effect.station in (-1, number) and effect.name in station.plane_names
+                if effect.kind == "planes" and seen:
+                    place = station.plane_names.index(effect.name)
+                    found.planes[number][place] = effect.root @ errors[effect.columns]
         return found
 
     def _turn(self, number: int) -> RigidTransformation:

@@ -99,8 +99,9 @@ class UnitSettings:
         prior : mapping of str to float, optional
             See `UnitSettings`.
         factory : LaserParameters, optional
-            Parameters that are corrected. If they say that the file has no two-point
-            correction, there is no far point.
+            Parameters that are corrected. If they are those of the design, or say that the
+            file has no two-point correction, no distance was corrected at the far point, and
+            there is none.
 
         Examples
         --------
@@ -109,8 +110,9 @@ class UnitSettings:
         """
         own_file = scanner.has_factory_file
         two_point = own_file
-        if factory is not None and TWO_POINT in factory.carried:
-            two_point = bool(np.any(factory.carried[TWO_POINT] > 0.0))
+        if factory is not None:
+            told = factory.carried.get(TWO_POINT, np.ones(len(factory)))
+            two_point &= bool(np.any(factory.dl != 0.0)) and bool(np.any(told > 0.0))
         return cls(
             prior=prior,
             shift_m=0.01 if own_file else 0.0013,

@@ -73,7 +73,9 @@ def assemble(
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
     # What the data do not decide stays with the mean of the unit.
     held = determined < settings.hold_below
-    corrections, back = hold(corrections, covariance, means, total, held)
+    # Errors of voff are not corrected: what they explain must not be what the others follow.
+    known = covariance - sources["offsets"]
+    corrections, back = hold(corrections, known, means, total, held)
     sources["prior"] = sources["prior"] + back
 
     count = np.zeros((lasers, len(stations)), dtype=np.int64)

@@ -42,8 +42,8 @@ class UnitSettings:
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
     offset_m : float
-        Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
-        corrected, but their errors would otherwise be read as angles.
+        Standard deviation of the errors of `voff`, unless `prior` gives another, and scale of the hyperprior of those of `hoff`, metres. They are not corrected, but
+        their errors would otherwise be read as angles.
     least_voff_m : float
         Standard deviation of the errors of `voff` that the stated covariance contains at least,
         metres: one height of the scanner cannot tell them from those of v.

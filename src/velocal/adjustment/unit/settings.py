@@ -42,8 +42,9 @@ class UnitSettings:
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
     offset_m : float
-        Standard deviation of the errors of `voff`, unless `prior` gives another, and scale of the hyperprior of those of `hoff`, metres. They are not corrected, but
-        their errors would otherwise be read as angles.
+        Standard deviation of the errors of `voff` (unless `prior` gives another), and scale of
+        the hyperprior of those of `hoff`, metres. They are not corrected, but their errors would
+        otherwise be read as angles.
     least_voff_m : float
         Standard deviation of the errors of `voff` that the stated covariance contains at least,
         metres: one height of the scanner cannot tell them from those of v.
@@ -73,7 +74,7 @@ class UnitSettings:
     shift_m: float = 0.005
     common_shift_m: float = 0.005
     offset_m: float = 0.0007
-    least_voff_m: float = 0.002
+    least_voff_m: float = 0.003
     far_point_m: float | None = None
     far_std_m: float = 0.01
     pose_in_common: float = 0.4

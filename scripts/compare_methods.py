@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from velocal.adjustment.observations import Observations
+from velocal.adjustment.unit.settings import UnitSettings
 from velocal.calibration.files import formats
 from velocal.evaluation import methods
 from velocal.io import schemas, storage
@@ -47,14 +48,30 @@ def main(
         columns, _ = storage.read_table(path, schemas.ASSIGNED)
         windows[sample].append(stations[stood[sample]].observations(columns))
     known, other = (
-        [methods.SampleData(stood[name], windows[name]) for name in names]
+        [
+            methods.SampleData(
+                stood[name],
+                windows[name],
+                stations[stood[name]].of_unit(windows[name][0]),
+            )
+            for name in names
+        ]
         for names in (calibrate_on, check_on)
     )
     known_scanner = scanner_named(scanner)
     factory = formats.read_or_nominal(calibration, known_scanner)
     true = formats.read(truth, len(factory)) if truth else None
     stochastic, sigma_m = adjustment.stochastic(), sigma_cm * 1e-2
-    rows = methods.compare(known, other, factory, stochastic, sigma_m, true, nominal(known_scanner))
+    rows = methods.compare(
+        known,
+        other,
+        factory,
+        stochastic,
+        sigma_m,
+        true,
+        nominal(known_scanner),
+        UnitSettings.recommended(known_scanner, factory=factory),
+    )
     numbers = pd.DataFrame(rows)
     storage.write_csv(csv, numbers, digits=5)
     text = comparison.markdown(numbers, scanner, simulated=simulated)

@@ -180,16 +180,7 @@ def unit_stations(
         expected = np.sum(
             [np.bincount(rows["laser_id"], minlength=len(parameters)) for rows in meeting], axis=0
         )
-        found.append(
-            UnitStation(
-                name,
-                joined_rows(parts),
-                station.uncertainty(),
-                tuple(patch.name for patch in station.patches),
-                station.pose,
-                expected.astype(np.float64),
-            )
-        )
+        found.append(station.of_unit(joined_rows(parts), expected.astype(np.float64)))
     return found
 
 

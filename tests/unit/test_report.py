@@ -31,7 +31,7 @@ PNG = b"\x89PNG\r\n\x1a\nnot really"
 
 METHODS = pd.DataFrame(
     {
-        "method": ["paper", "prior"], "name": ["the paper <printed>", "ours"], "reference": "x",
+        "method": ["paper", "unit"], "name": ["the paper <printed>", "ours"], "reference": "x",
         "planes": "all", "parameters": "dl", "other_seen": [0, 0], "unconverged": [3, 0],
         "calibration_walls_rms_cm": [1.0, 1.01], "other_walls_rms_cm": [2.0, 1.5],
     }

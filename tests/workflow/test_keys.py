@@ -84,6 +84,7 @@ def offset(name: str) -> tuple[tuple[tuple[str, ...], Any], ...]:
     )
 
 
+OF_UNIT = (("scanner", "HDL-64E"), ("unit", "unit"))
 UNIT = ((("calibrations",), {"HDL-64E": {"unit": ["sa3"]}}),)
 
 CHANGES = {
@@ -164,7 +165,7 @@ CHANGES = {
     ),
     "methods.runs": change("methods.runs", 7, Given("coverage", "runs")),
     "calibrations.{scanner}.{set}": change(
-        "calibrations", {"HDL-64E": {"unit": ["sa3"]}}, Given("adjust_unit", "positions"),
+        "calibrations", {"HDL-64E": {"unit": ["sa3"]}}, Given("adjust_unit", "positions", OF_UNIT),
         before=((("calibrations",), {"HDL-64E": {"unit": ["sa1", "sa3"]}}),),
     ),
     "serials.{scanner}": change(
@@ -172,16 +173,16 @@ CHANGES = {
     ),
     **{
         f"joint.prior.{key}": change(
-            f"joint.prior.{key}", 0.1, Given("adjust_unit", "joint"), before=UNIT
+            f"joint.prior.{key}", 0.1, Given("adjust_unit", "joint", OF_UNIT), before=UNIT
         )
         for key in ("dl_cm", "alpha_deg", "v_deg", "scale_cm_per_m")
     },
     "joint.near_points": change(
-        "joint.near_points", False, Given("adjust_unit", "joint"),
+        "joint.near_points", False, Given("adjust_unit", "joint", OF_UNIT),
         before=(*UNIT, (("joint", "near_points"), True)),
     ),
     "export.distance": change(
-        "export.distance", "single", Given("adjust_unit", "export"), before=UNIT
+        "export.distance", "single", Given("adjust_unit", "export", OF_UNIT), before=UNIT
     ),
     "methods.calibration": change(
         "methods", {"scanner": "HDL-64E", "calibration": ["sa1"], "other": ["sa3"]},

@@ -28,7 +28,10 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.arrays import Array
+from velocal.adjustment.unit.adjust import adjust_unit
+from velocal.adjustment.unit.settings import UnitSettings
+from velocal.adjustment.unit.station import UnitStation
+from velocal.arrays import Array, joined_rows
 from velocal.errors import VelocalError
 from velocal.evaluation import linear_parameters
 from velocal.evaluation.statistics import laser_statistics
@@ -73,6 +76,8 @@ class Method:
         Whether the linear parameters of `linear_parameters` are adjusted, in one step.
     start : {"factory", "nominal"}
         Where it starts: at the values of the unit's own file, or at those of the design.
+    unit : bool
+        Whether it is the adjustment of the unit: all lasers, poses and planes together.
     """
 
     key: str
@@ -86,11 +91,12 @@ class Method:
     planes_unknown: bool = False
     linear: bool = False
     start: Literal["factory", "nominal"] = "factory"
+    unit: bool = False
 
 
 _PAPER, _OURS = "Zalud et al. 2015", "velocal"
 #: Keys of the method that is the default, and of the paper's as it is printed.
-DEFAULT, PRINTED = "prior", "paper"
+DEFAULT, PRINTED = "unit", "paper"
 METHODS = (
     Method("factory", "factory values", "manufacturer", "nothing is adjusted", ()),
     Method(
@@ -124,7 +130,7 @@ METHODS = (
     ),
     Method(
         "nominal", "with prior, from nominal values", "[7] of the paper",
-        "the default, but the values of the design stand for those of the unit's own file",
+        "with prior, but the values of the design stand for those of the unit's own file",
         solver=WithPrior(), start="nominal",
     ),
     Method(
@@ -146,7 +152,7 @@ METHODS = (
         "weighted, the factory's values as observations", solver=WithPrior(), planes="walls",
     ),
     Method(
-        DEFAULT, "with prior (default)", _OURS,
+        "prior", "with prior", _OURS,
         "weighted, the factory's values as observations", solver=WithPrior(),
     ),
     Method(
@@ -156,6 +162,11 @@ METHODS = (
     Method(
         "prior_joint", "with prior, positions jointly", _OURS,
         "the same on all positions of the study together", solver=WithPrior(), joint=True,
+    ),
+    Method(
+        DEFAULT, "unit as a whole (default)", _OURS,
+        "all lasers, poses and planes together, spreads of the unit and noise estimated",
+        unit=True,
     ),
 )  # fmt: skip
 
@@ -169,10 +180,14 @@ class SampleData:
     position : str
         Set-up of the scanner, of which all samples share pose and planes.
     windows : sequence of Observations
+    station : UnitStation or None
+        Survey of the position for the adjustment of the unit; its observations are not used.
+        Without it this method is left out.
     """
 
     position: str
     windows: Sequence[Observations]
+    station: UnitStation | None = None
 
 
 @dataclass(frozen=True)
@@ -200,6 +215,7 @@ def run_method(
     factory: LaserParameters,
     stochastic: Stochastic,
     nominal: LaserParameters | None = None,
+    settings: UnitSettings | None = None,
 ) -> Estimate:
     """Adjust with one method: mean over the windows, then over the samples.
 
@@ -215,6 +231,8 @@ def run_method(
         With a prior for dl, alpha and v.
     nominal : LaserParameters, optional
         Values of the design; those of the factory where a unit has no file of its own.
+    settings : UnitSettings, optional
+        Of the adjustment of the unit.
 
     Returns
     -------
@@ -227,6 +245,8 @@ def run_method(
     """
     if not method.parameters:
         return Estimate(factory)
+    if method.unit:
+        return Estimate(adjust_unit(_stations(calibration), factory, settings).calibration.adjusted)
     initial = nominal if nominal is not None and method.start == "nominal" else factory
     # Neither the survey's uncertainty nor correlation enters any estimate.
     stochastic = replace(
@@ -270,6 +290,18 @@ def run_method(
     )
     failed = [~converged & seen for windows in samples for _, seen, converged in windows]
     return Estimate(mean.adjusted, mean.range_scale, int(np.any(failed, axis=0).sum()))
+
+
+def _stations(samples: Sequence[SampleData]) -> list[UnitStation]:
+    """Put all windows at every position together."""
+    found = []
+    for position in dict.fromkeys(each.position for each in samples):
+        own = [each for each in samples if each.position == position]
+        windows = [window for each in own for window in each.windows]
+        if own[0].station is None:
+            raise VelocalError(f"no survey of position {position!r}", where="methods")
+        found.append(replace(own[0].station, observations=joined_rows(windows)))
+    return found
 
 
 def _adjusted(
@@ -408,6 +440,7 @@ def compare(
     sigma_m: float,
     truth: LaserParameters | None = None,
     nominal: LaserParameters | None = None,
+    settings: UnitSettings | None = None,
 ) -> list[dict[str, Any]]:
     """Run and judge all methods; see `run_method` and `evaluate`.
 
@@ -424,20 +457,25 @@ def compare(
         Against which errors are taken.
     nominal : LaserParameters, optional
         As for `run_method`.
+    settings : UnitSettings, optional
+        As for `run_method`.
 
     Returns
     -------
     list of dict
-        Rows of `evaluate`, in the order of `METHODS`.
+        Rows of `evaluate`, in the order of `METHODS`. Without the survey of a position, the
+        adjustment of the unit is left out.
     """
+    surveyed = all(each.station for each in calibration)
     return [
         evaluate(
             method,
-            run_method(method, calibration, other, factory, stochastic, nominal),
+            run_method(method, calibration, other, factory, stochastic, nominal, settings),
             calibration,
             other,
             sigma_m,
             truth,
         )
         for method in METHODS
+        if surveyed or not method.unit
     ]

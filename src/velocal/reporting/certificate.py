@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from velocal.evaluation.certificate import Certificate
-from velocal.reporting.report import environment
+from velocal.reporting.templates import environment
 
 
 def render(certificates: Sequence[Certificate]) -> str:

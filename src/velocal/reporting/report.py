@@ -6,13 +6,10 @@ The page holds no time and no path of the machine, so that identical results giv
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import pandas as pd
 
@@ -27,11 +24,10 @@ from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, p
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
+from velocal.reporting.templates import environment, fixed
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
 from velocal.survey.checks.findings import Finding
-
-DATA = Path(__file__).parent
 
 #: Headings of the quantities of the tables.
 QUANTITIES = {
@@ -217,45 +213,6 @@ def render(study: Study) -> str:
         "tolerances": TOLERANCES,
     }
     return environment().get_template("report.html.j2").render(content)
-
-
-def environment() -> jinja2.Environment:
-    """Make the environment of all templates, with the filters that they use."""
-    made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(DATA),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    made.filters["fixed"] = fixed
-    made.filters["base64"] = lambda png: base64.b64encode(png).decode("ascii")
-    made.filters["number"] = lambda value: f"{value:.7g}"
-    made.filters["grouped"] = lambda value: f"{value:,}".replace(",", "\u202f")
-    return made
-
-
-def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
-    """Number with fixed decimals and a true minus sign; a dash where there is none.
-
-    Parameters
-    ----------
-    value : float or None
-    decimals : int
-    factor : float
-        To the unit that is shown.
-
-    Returns
-    -------
-    str
-    """
-    if value is None or not np.isfinite(value):
-        return "–"
-    text = f"{value * factor:.{decimals}f}"
-    if float(text) == 0.0:
-        text = text.lstrip("-")
-    return text.replace("-", "−")
 
 
 def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:

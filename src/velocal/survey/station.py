@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
+from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.errors import StorageError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
@@ -235,6 +236,25 @@ class Station:
             normals[plane],
             offsets[plane],
             plane,
+        )
+
+    def of_unit(self, observations: Observations, expected: Array | None = None) -> UnitStation:
+        """Put observations and the uncertainty of the survey together for the whole unit.
+
+        Parameters
+        ----------
+        observations : Observations
+            Of all windows and recordings at this position.
+        expected : ndarray, shape (lasers,), optional
+            Number of observations that every laser should have.
+        """
+        return UnitStation(
+            self.position,
+            observations,
+            self.uncertainty(),
+            tuple(patch.name for patch in self.patches),
+            self.pose,
+            expected,
         )
 
     def to_json(self) -> dict[str, Any]:

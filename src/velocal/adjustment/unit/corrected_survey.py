@@ -18,9 +18,8 @@ from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 class CorrectedSurvey:
     """Corrections of the poses and planes, about which the misclosures are linearised.
 
-    The pose of a small base is wrong by 1 degree at times. The terms of second order are then a
-    millimetre and more, which depends on the azimuth and which lasers see it: as much as the
-    errors of voff that would explain it.
+    The pose of a small base is wrong by nearly 1 degree at times. The terms of second order then
+    matter: they depend on azimuth and laser, and were explained by errors of voff and v.
 
     Attributes
     ----------

@@ -55,3 +55,16 @@ def test_unit_is_better_than_its_factory(stations):
         # 95 % of 32 lasers are 30; errors of the pose, which they share, make this number scatter.
         assert np.sum(np.abs(error) <= 1.96 * found.std[:, column]) >= 25, name
     assert induced(trial, found.adjusted) < 0.5 * induced(trial, trial.factory)
+
+
+@pytest.mark.slow
+def test_a_pose_that_is_far_off_does_not_become_errors_of_the_lasers():
+    """Terms of second order of such a pose were once read as errors of voff, and moved v."""
+    trial = draw(Plan(scanner="HDL-32E", stations=2, windows=1), 1003)
+    result = adjusted(trial)
+    assert max(np.linalg.norm(station.pose[:3]) for station in result.stations) > np.deg2rad(0.5)
+    found = result.calibration
+    error, before = found.adjusted.v - trial.true.v, trial.factory.v - trial.true.v
+    assert np.sqrt(np.mean(error**2)) < 1.05 * np.sqrt(np.mean(before**2))
+    assert np.abs(error / found.std[:, NAMES.index("v")]).max() < 4.5
+    assert induced(trial, found.adjusted) < 0.1 * induced(trial, trial.factory)

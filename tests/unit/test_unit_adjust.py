@@ -8,11 +8,15 @@ import pytest
 from tests.support.unit import errors_of, unit_draws
 from velocal.adjustment.unit import adjust
 from velocal.adjustment.unit.adjust import adjust_unit, readjust
+from velocal.adjustment.unit.assemble import hold
+from velocal.adjustment.unit.corrected_survey import CorrectedSurvey
 from velocal.adjustment.unit.model import UNKNOWNS, linearise
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import azimuth_bins
 from velocal.errors import VelocalError
+from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 
 #: Without integration: what is tested here does not depend on it.
 QUICK = UnitSettings(integration_points=1, linearisations=1, shift_m=0.0013)
@@ -65,6 +69,77 @@ def test_columns_are_derivatives_of_the_misclosure(small, far_point_m):
         before, after = bins.mean.misclosure(factory), bins.mean.misclosure(moved)
         difference = (after - before) / 1e-6
         np.testing.assert_allclose(at.matrix[:, number], difference, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("with_pose", [True, False])
+def test_corrected_poses_and_planes_change_the_misclosure_as_accounted(small, with_pose):
+    """A small correction moves s by its derivatives, and one of a degree does not."""
+    factory, station, _ = small
+    turned = RigidTransformation(
+        rotation_from_vector(np.array([0.1, -0.2, 1.0])),
+        station.survey.translation,
+        np.zeros((6, 6)),
+    )
+    station = replace(station, pose=turned if with_pose else None)
+    bins = azimuth_bins([station], factory, np.deg2rad(0.9))
+    x = np.zeros((len(factory), len(UNKNOWNS)))
+    before = bins.mean.misclosure(factory)
+    pose = np.array([[1.0, -2.0, 3.0, 0.5, -1.0, 2.0]]) * 1e-5
+    planes = np.zeros((len(station.plane_names), 4))
+    planes[:, 3] = 1e-5
+    for size, least, most in ((1.0, 0.0, 1e-3), (1000.0, 1e-3, 0.5)):
+        survey = CorrectedSurvey((station,), size * pose, (size * planes,))
+        moved = survey.bins(bins)
+        at = linearise(moved, factory, x, None)
+        change = moved.mean.misclosure(factory) - before
+        differs = np.abs(change - survey.accounted(moved, at)).max() / np.abs(change).max()
+        assert least <= differs < most
+        np.testing.assert_allclose(np.linalg.norm(moved.mean.normal, axis=1), 1.0)
+
+
+def test_corrected_pose_is_that_of_the_moved_planes(small):
+    """A plane of the site has the same place, by the corrected pose and by the moved bins."""
+    factory, station, _ = small
+    pose = RigidTransformation(
+        rotation_from_vector(np.array([0.1, -0.2, 1.0])),
+        station.survey.translation,
+        np.zeros((6, 6)),
+    )
+    station = replace(station, pose=pose)
+    bins = azimuth_bins([station], factory, np.deg2rad(0.9))
+    planes = (np.zeros((len(station.plane_names), 4)),)
+    survey = CorrectedSurvey((station,), np.array([[0.01, -0.02, 0.03, 0.1, 0.2, -0.1]]), planes)
+    moved = survey.bins(bins).mean
+    before = np.column_stack([bins.mean.normal, bins.mean.offset])
+    site = np.linalg.solve(pose.plane_matrix(), before.T)
+    after = survey.moved()[0].pose.plane_matrix() @ site
+    np.testing.assert_allclose(np.column_stack([moved.normal, moved.offset]), after.T, atol=1e-12)
+
+
+def test_held_parameters_take_the_others_with_them():
+    """As if the laser had been adjusted with the held value: the normal equations say the same."""
+    rng = np.random.default_rng(1)
+    design, data, prior = rng.normal(size=(9, 3)), rng.normal(size=9), np.array([4.0, 1.0, 2.0])
+    covariance = np.linalg.inv(design.T @ design + np.diag(1.0 / prior))
+    corrections = covariance @ design.T @ data
+    held = np.array([[False, False, True]])
+    means = np.array([[0.0, 0.0, 0.3]])
+    found, back = hold(corrections[None], covariance[None], means, prior[None], held)
+    free = design[:, :2]
+    again = np.linalg.solve(
+        free.T @ free + np.diag(1.0 / prior[:2]), free.T @ (data - 0.3 * design[:, 2])
+    )
+    np.testing.assert_allclose(found[0], [*again, 0.3])
+    assert back[0, 2, 2] + covariance[2, 2] == pytest.approx(prior[2])
+    assert (np.linalg.eigvalsh(back[0]) > -1e-12).all()
+
+
+def test_nominal_values_have_no_far_point():
+    scanner = SCANNERS["HDL-64E"]
+    design = nominal(scanner)
+    assert UnitSettings.recommended(scanner, factory=design).far_point_m is None
+    measured = replace(design, dl=np.full(len(design), 1.2))
+    assert UnitSettings.recommended(scanner, factory=measured).far_point_m == 25.04
 
 
 def test_means_of_bins_have_the_mean_misclosure(small):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from velocal.adjustment.unit.assemble import assemble
+from velocal.adjustment.unit.corrected_survey import CorrectedSurvey
 from velocal.adjustment.unit.model import UNKNOWNS, linearise
 from velocal.adjustment.unit.noise import FIRST_LENGTH
 from velocal.adjustment.unit.population import find_mode, integrate
@@ -59,26 +60,34 @@ def adjust_unit(
     stations = _checked(stations)
     bins = azimuth_bins(stations, factory, settings.azimuth_bin_rad)
     x = np.zeros((len(factory), len(UNKNOWNS)))
-    by_survey = np.zeros(len(bins.mean.phi))
+    survey = CorrectedSurvey.none(stations)
+    relief = np.zeros(len(bins.mean.phi))
     mode: Array | None = None
     for number in range(1, settings.linearisations + 1):
-        at = linearise(bins, factory, x, settings.far_point_m)
+        moved = survey.bins(bins)
+        at = linearise(moved, factory, x, settings.far_point_m)
         # What the survey explains of the residuals has a longer correlation than the pattern: the
         # length is estimated when that has been subtracted.
         length = FIRST_LENGTH if number < settings.linearisations else None
-        stage = make_stage(stations, len(factory), bins, at, at.z - by_survey, settings, length)
+        left = at.z - relief
+        at = replace(at, z=at.z + survey.accounted(moved, at))
+        stage = make_stage(survey.moved(), len(factory), moved, at, left, settings, length)
         mode = find_mode(stage.population, stage.sums, mode)
         if number < settings.linearisations:
             best = stage.describe(
                 stage.population.posterior(stage.sums, mode), stage.population.values(mode)
             )
             x = best.unknowns
-            by_survey = stage.shared.matrix @ best.common[stage.layout.survey]
+            errors = best.common[stage.layout.survey]
+            survey = CorrectedSurvey.of(stations, stage.shared, errors)
+            places = stage.shared.columns("flatness")
+            relief = stage.shared.matrix[:, places] @ errors[places]
     assert mode is not None
     integrated = integrate(
         stage.population, stage.sums, mode, settings.integration_points, stage.describe
     )
-    return assemble(stations, factory, settings, stage, integrated)
+    # Misclosures are stated on the planes as surveyed.
+    return assemble(stations, factory, settings, replace(stage, bins=bins), integrated)
 
 
 def readjust(

@@ -59,7 +59,7 @@ def assemble(
     if len(stations) == 1:
         sources["shift"] = sources["shift"].copy()
         sources["shift"][:, 0, 0] += (1.0 - SHRINKING**2) * settings.shift_m**2
-    covariance = sum(sources.values())
+    covariance = np.asarray(sum(sources.values()))
     prior, means = mean([one.prior for one in each]), mean([one.means for one in each])
     flat = between.reshape(len(weight), -1)
     together = mean([one.together for one in each]) + (weight[:, None] * flat).T @ flat
@@ -71,12 +71,12 @@ def assemble(
     total = prior.copy()
     total += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
-    # What the data do not decide stays with the mean of the unit. The variance of the prior is
-    # then that of the error.
+    # What the data do not decide stays with the mean of the unit.
     held = determined < settings.hold_below
-    corrections = np.where(held, means, corrections)
-    back = np.where(held, np.maximum(total - variance, 0.0), 0.0)
-    sources["prior"] = sources["prior"] + back[:, :, None] * np.eye(u)
+    # Errors of voff are not corrected: what they explain must not be what the others follow.
+    known = covariance - sources["offsets"]
+    corrections, back = hold(corrections, known, means, total, held)
+    sources["prior"] = sources["prior"] + back
 
     count = np.zeros((lasers, len(stations)), dtype=np.int64)
     np.add.at(count, (bins.mean.laser_id, bins.mean.station_number), bins.count.astype(np.int64))
@@ -129,6 +129,49 @@ def assemble(
         far_point_m=settings.far_point_m,
         warnings=_warnings(station_effects),
     )
+
+
+def hold(
+    corrections: Array, covariance: Array, means: Array, prior: Array, held: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Hold some parameters of lasers at the mean of the unit, and condition the others on it.
+
+    Parameters
+    ----------
+    corrections : ndarray, shape (lasers, u)
+    covariance : ndarray, shape (lasers, u, u)
+        Of the corrections.
+    means : ndarray, shape (lasers, u)
+        Where parameters are held.
+    prior : ndarray, shape (lasers, u)
+        Variances of the parameters about `means` before the adjustment.
+    held : ndarray of bool, shape (lasers, u)
+
+    Returns
+    -------
+    corrections : ndarray, shape (lasers, u)
+    back : ndarray, shape (lasers, u, u)
+        What is added to the covariance.
+
+    Notes
+    -----
+    The parameters of a laser are correlated: a dl that was estimated together with a v does not
+    fit the data with another v. The others therefore move by ``C_oh C_hh^-1 (mean - held)``, as if
+    they had been adjusted with the held value. Before the adjustment, the step of a held parameter
+    has the prior covariance less ``C_hh``; the others move by their share of it.
+    """
+    corrections, back = corrections.copy(), np.zeros_like(covariance)
+    for k in np.flatnonzero(held.any(axis=1)):
+        own = held[k]
+        block = covariance[k][np.ix_(own, own)]
+        # The held parameters follow themselves: the gain of their own rows is the identity.
+        gain = np.linalg.solve(block, covariance[k][own]).T
+        corrections[k] += gain @ (means[k] - corrections[k])[own]
+        corrections[k, own] = means[k, own]
+        values, vectors = np.linalg.eigh(np.diag(prior[k, own]) - block)
+        root = gain @ vectors * np.sqrt(np.maximum(values, 0.0))
+        back[k] = root @ root.T
+    return corrections, back
 
 
 def _quality(

@@ -92,7 +92,9 @@ class Population:
     def of(cls, layout: Layout, settings: UnitSettings) -> Population:
         """Say what is learnt and what is given."""
         none = np.zeros(0, dtype=np.int64)
-        prior = dict(settings.prior or {})
+        # The data hardly tell voff from v: a spread that is learnt from the little that they say
+        # runs away with any small fault of the model, and takes v along.
+        prior = {"voff": settings.offset_m} | dict(settings.prior or {})
         far = settings.far_point_m is not None
         sizes = []
         for place, name in enumerate(UNKNOWNS):
@@ -102,7 +104,7 @@ class Population:
             if name in prior:
                 sizes.append(Size(name, unit, prior[name], True, own, none))
             else:
-                scales = SCALES | {"voff": settings.offset_m, "hoff": settings.offset_m}
+                scales = SCALES | {"hoff": settings.offset_m}
                 scale = settings.far_std_m if far and name == "scale" else scales[name]
                 sizes.append(Size(name, unit, scale, False, own, none))
         shifts = np.array([layout.shift(p) for p in range(layout.stations)])

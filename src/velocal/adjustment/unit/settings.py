@@ -42,8 +42,9 @@ class UnitSettings:
     common_shift_m : float
         The same of the shift that all lasers have in common at a station.
     offset_m : float
-        Scale of the hyperprior of the errors of `voff` and `hoff`, metres. They are not
-        corrected, but their errors would otherwise be read as angles.
+        Standard deviation of the errors of `voff` (unless `prior` gives another), and scale of
+        the hyperprior of those of `hoff`, metres. They are not corrected, but their errors would
+        otherwise be read as angles.
     least_voff_m : float
         Standard deviation of the errors of `voff` that the stated covariance contains at least,
         metres: one height of the scanner cannot tell them from those of v.
@@ -73,7 +74,7 @@ class UnitSettings:
     shift_m: float = 0.005
     common_shift_m: float = 0.005
     offset_m: float = 0.0007
-    least_voff_m: float = 0.002
+    least_voff_m: float = 0.003
     far_point_m: float | None = None
     far_std_m: float = 0.01
     pose_in_common: float = 0.4
@@ -99,8 +100,9 @@ class UnitSettings:
         prior : mapping of str to float, optional
             See `UnitSettings`.
         factory : LaserParameters, optional
-            Parameters that are corrected. If they say that the file has no two-point
-            correction, there is no far point.
+            Parameters that are corrected. If they are those of the design, or say that the
+            file has no two-point correction, no distance was corrected at the far point, and
+            there is none.
 
         Examples
         --------
@@ -109,8 +111,9 @@ class UnitSettings:
         """
         own_file = scanner.has_factory_file
         two_point = own_file
-        if factory is not None and TWO_POINT in factory.carried:
-            two_point = bool(np.any(factory.carried[TWO_POINT] > 0.0))
+        if factory is not None:
+            told = factory.carried.get(TWO_POINT, np.ones(len(factory)))
+            two_point &= bool(np.any(factory.dl != 0.0)) and bool(np.any(told > 0.0))
         return cls(
             prior=prior,
             shift_m=0.01 if own_file else 0.0013,

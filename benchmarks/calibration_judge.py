@@ -21,7 +21,6 @@ from velocal.simulation.independent.trial import NEAR_M, Recorded, Trial
 from velocal.simulation.scene import Surface, cast, site_surfaces
 from velocal.simulation.survey import field_book
 from velocal.simulation.truth import (
-    DRIFT_NODES,
     drift,
     factory_parameters,
     position_errors,
@@ -238,10 +237,8 @@ class _Shots:
     def beams(self, sample: str, share: float) -> Beams:
         """Medians of 100 shots of a sample, at a share of its time."""
         rng = self.world.rng("bench", self.position, sample, str(share))
-        nodes = drift(self.world, self.scanner.name, sample)
-        at = share * (DRIFT_NODES - 1)
-        low = int(at)
-        now = nodes[low] + (at - low) * (nodes[low + 1] - nodes[low])
+        time_s = np.array([share * self.world.warmth.duration_s])
+        now = drift(self.world, self.scanner.name, sample).at(time_s)[0]
         raw = self.raw + now[self.laser] + self.median * rng.standard_normal(len(self.raw))
         # The encoder's steps average out over the shots of a bin, except for a few hundredths.
         phi = self.phi + np.deg2rad(0.005) * rng.standard_normal(len(raw))

@@ -25,8 +25,13 @@ RATIOS = (0.05, 0.3, 1.0, 3.0, 10.0)
 #: dl, alpha and v: an error of the pose moves all angles, the distances hardly.
 DECIDES, LEAVES = np.array([0.5, 0.3, 0.3]), np.array([1.0, 0.6, 0.6])
 #: A mean that differs from the factory's by more than the second number times its standard
-#: deviation is believed in any case; by less than the first, not for this reason.
+#: deviation is believed though the survey does not decide by itself; by less than the first, not
+#: for this reason.
 UNLIKELY, CERTAIN = 3.0, 4.5
+#: This needs a standard deviation below the first number times the spread over the lasers; above
+#: the second it is never believed: small faults of the model look like large means where the data
+#: say little (walls alone, one station).
+SHARP, DULL = 1.5, 2.5
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,8 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
     by_survey_std = np.sqrt(np.diag(survey))
     better = (LEAVES - by_survey_std / spread) / (LEAVES - DECIDES)
     clear = (np.abs(by_survey) / by_survey_std - UNLIKELY) / (CERTAIN - UNLIKELY)
-    decided = np.clip(np.maximum(better, clear), 0.0, 1.0)
+    sharp = np.clip((DULL - by_survey_std / spread) / (DULL - SHARP), 0.0, 1.0)
+    decided = np.clip(np.maximum(better, sharp * np.minimum(clear, 1.0)), 0.0, 1.0)
     mixture = _Mixture.of(by_survey, survey, spread)
     centre, matrix = mixture.moments(decided)
     # The same with equal weights, about the mean that was chosen.

@@ -79,7 +79,8 @@ def test_results_are_there(finished):
     accuracy = pd.read_csv(results / "survey/network.csv")
     assert list(accuracy["item"]) == ["control_points", "targets", "base_field", "base_scanner"]
     summary = pd.read_csv(results / "statistics/summary.csv")
-    assert len(summary) == 2 * 3 * 4
+    # Two samples, three windows, both data, before and after; and the calibration of the HDL-32E.
+    assert len(summary) == 2 * 3 * 4 + 3
     assert summary["rms_cm"].notna().all()
     pair = summary.query("data == 'calibration' and sample == 'sa3'").groupby("role")
     assert pair["rms_cm"].mean()["window"] < 0.6 * pair["rms_cm"].mean()["factory"]
@@ -94,7 +95,9 @@ def test_second_run_is_idle(finished):
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
     edited("src/velocal/reporting/style.py", "\nEDITED = 1\n")
     drawn = {"draw_lasers", "draw_histogram", "draw_network", "draw_plan", "draw_panels"}
-    assert {rule for rule, _ in planned(finished)} == drawn | {"write_report"}
+    drawn |= {"draw_corrections", "draw_diagram", "draw_procedure"}
+    # The judgement comes after the report.
+    assert {rule for rule, _ in planned(finished)} == drawn | {"write_report", "judge_calibrations"}
 
 
 def test_an_edited_module_in_the_middle(finished, edited):
@@ -119,7 +122,8 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
     # Summaries, and what is made of them: the new sample belongs to no set.
     assert of_all <= {
-        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "write_report",
+        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "draw_procedure",
+        "write_report", "judge_calibrations",
     }  # fmt: skip
 
 

@@ -146,3 +146,25 @@ def at_positions(pattern, samples):
     return [
         expand(pattern, position=STUDY.samples[name].position)[0] for name in samples
     ]
+
+
+def sets_drawn(wildcards):
+    """Parameter sets and calibrations of a figure of corrections."""
+    figure = CORRECTIONS[wildcards.figure]
+    return figure.sets or STUDY.candidates(figure.scanner)
+
+
+def adjustments_drawn(wildcards):
+    """Adjustments behind each of `sets_drawn`, as pairs of its name and a path."""
+    scanner = CORRECTIONS[wildcards.figure].scanner
+    found = []
+    for name in sets_drawn(wildcards):
+        samples = STUDY.parameter_sets.get(scanner, {}).get(name)
+        if samples is None:
+            paths = [f"{RESULTS}/calibrations/{scanner}/{name}.csv"]
+        else:
+            paths = per_window(
+                f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", samples
+            )
+        found += [(name, path) for path in paths]
+    return found

@@ -18,6 +18,10 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 CHECK_PAGES := $(BIN)/python -m velocal.reporting.pages --check
 
+# Two processes work at once; threads of the linear algebra would only wait for each other.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup results paper coverage seeds pages field test lint nist lock clean

@@ -61,9 +61,15 @@ def test_moments_are_those_of_the_mixture():
     np.testing.assert_allclose(found.covariance[1, 1], variance, rtol=1e-3)
 
 
-def test_a_mean_that_is_far_from_the_factorys_is_believed():
-    """Five standard deviations, though the survey knows the mean less well than the unit."""
-    mean, covariance = posterior([0.0, 1.0, 0.0], [0.03, 0.2, 0.2])
+def test_a_mean_that_is_far_from_the_factorys_is_believed_if_it_is_known():
+    """Five standard deviations, though the survey knows the mean no better than the unit."""
+    sharp = float(SPREAD[1] / DEG)
+    mean, covariance = posterior([0.0, 5.0 * sharp, 0.0], [0.03, sharp, 0.2])
     found = common_mean(mean, covariance, WIDE, SPREAD)
     assert found.decided[1] == 1.0
-    assert found.mean[1] > 0.5 * DEG
+    assert found.mean[1] > 2.5 * SPREAD[1]
+    # The same of a mean that is hardly known may be a fault of the model.
+    mean, covariance = posterior([0.0, 15.0 * sharp, 0.0], [0.03, 3.0 * sharp, 0.2])
+    found = common_mean(mean, covariance, WIDE, SPREAD)
+    assert found.decided[1] == 0.0
+    assert abs(found.mean[1]) < 0.5 * SPREAD[1]

@@ -17,10 +17,11 @@ from velocal.adjustment.unit.settings import LEARNT, UnitSettings
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.calibration.convert import for_program
+from velocal.calibration.dialects import near_effect
+from velocal.exports import with_near_points
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import NEAR_POINT, LaserParameters
-from velocal.simulation.independent.shots import FAR_M
-from velocal.simulation.independent.trial import NEAR_M, Trial
+from velocal.simulation.independent.trial import Trial
 from velocal.study.adjustment import Adjustment
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
@@ -121,18 +122,9 @@ def prior(trial: Trial) -> tuple[Found, Found]:
 
 
 def _corrected(data: Observations, factory: LaserParameters) -> Observations:
-    """Correct distances by the near points of the file, so that they are not adjusted anew.
-
-    What the file says of near ranges is the better start: the adjustment then finds by how much
-    the near points are wrong, and leaves them where it does not know better.
-    """
-    if not has_near_points(factory):
-        return data
-    laser = data.laser_id
-    length = data.distance_m + factory.dl[laser]
-    share = np.maximum(FAR_M - length, 0.0) / (FAR_M - NEAR_M[0])
-    change = (factory.carried[NEAR_POINT[0]] - factory.dl)[laser] * share
-    return replace(data, distance_m=data.distance_m + change)
+    """Correct distances by the near points of the file, as the product does."""
+    effect = near_effect(data.distance_m, data.phi, data.laser_id, factory)
+    return replace(data, distance_m=data.distance_m + effect)
 
 
 def unit_stations(trial: Trial) -> list[UnitStation]:
@@ -159,14 +151,7 @@ def _of_unit(trial: Trial, settings: UnitSettings) -> Found:
     calibration = result.calibration
     parameters = calibration.adjusted
     if has_near_points(trial.factory):
-        change = result.near_correction(np.array(NEAR_M)).T
-        near = {
-            name: trial.factory.carried[name] + own
-            for name, own in zip(NEAR_POINT, change, strict=True)
-        }
-        parameters = replace(
-            parameters, dl=trial.factory.dl, carried={**trial.factory.carried, **near}
-        )
+        parameters = with_near_points(result)
     at_factory = tuple(one.name for one in result.common if one.at_factory)
     return Found(parameters, calibration.std_by_name(), at_factory)
 

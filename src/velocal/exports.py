@@ -10,13 +10,14 @@ from typing import Literal
 import numpy as np
 
 from velocal.adjustment.result import CalibrationSet
+from velocal.adjustment.unit.result import UnitCalibration
 from velocal.calibration.convert import convert, for_program
-from velocal.calibration.dialects import FAR_M, MANUAL, NEAR_X_M, NEAR_Y_M, dialect_named
+from velocal.calibration.dialects import MANUAL, NEAR_X_M, NEAR_Y_M, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.evaluation.holdout import JudgedCalibration
 from velocal.scanner.models import Scanner, scanner_named
-from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
+from velocal.scanner.parameters import FAR_POINT_M, NEAR_POINT, TWO_POINT, LaserParameters
 
 #: What a program gets that cannot fade a correction of the distance; see `for_driver`.
 Distance = Literal["safe", "single"]
@@ -166,7 +167,31 @@ def fades(dialect: str) -> bool:
     dialect : str
     """
     two_point = dialect_named(dialect).two_point
-    return two_point is not None and two_point.limit_m < FAR_M + 1.0
+    return two_point is not None and two_point.limit_m < FAR_POINT_M + 1.0
+
+
+def with_near_points(unit: UnitCalibration) -> LaserParameters:
+    """Parameters of a unit whose correction of the distance fades to that of the factory.
+
+    The factory's correction at the far point stays. Its near-point corrections, which are that of
+    the far point where the file has none, change by the correction of the unit there.
+
+    Parameters
+    ----------
+    unit : UnitCalibration
+        With a far point.
+
+    Returns
+    -------
+    LaserParameters
+        Numbers of the dialect ``manual``.
+    """
+    factory, adjusted = unit.calibration.initial, unit.calibration.adjusted
+    change = unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M])).T
+    near = (old + new for old, new in zip(MANUAL.near(factory), change, strict=True))
+    carried = {**factory.carried, **dict(zip(NEAR_POINT, near, strict=True))}
+    carried[TWO_POINT] = np.ones(len(factory))
+    return replace(factory, alpha=adjusted.alpha, v=adjusted.v, carried=carried)
 
 
 def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> LaserParameters:
@@ -204,15 +229,11 @@ def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> La
         return convert(factory, MANUAL, target, inexact=True)
     if unit.far_point_m is None:
         return for_program(found.single, dialect)
-    given = MANUAL.near(factory)
-    # Near points of the factory that were left out must not be replaced: they may be right.
-    replaceable = bool(found.near_m.any() or all((each == factory.dl).all() for each in given))
-    moved = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
-    if fades(dialect) and replaceable:
-        change = unit.near_correction(np.array([NEAR_X_M, NEAR_Y_M])).T
-        near = (old + new for old, new in zip(given, change, strict=True))
-        carried = {**factory.carried, **dict(zip(NEAR_POINT, near, strict=True))}
-        moved = replace(moved, carried={**carried, TWO_POINT: np.ones(len(factory))})
-    elif distance == "single" and not fades(dialect):
+    if not fades(dialect) and distance == "single":
         return for_program(found.single, dialect)
-    return convert(moved, MANUAL, target, inexact=True)
+    # Near points of the factory that were left out must not be replaced: they may be right.
+    none = all((each == factory.dl).all() for each in MANUAL.near(factory))
+    if fades(dialect) and (none or found.near_m.any()):
+        return convert(with_near_points(unit), MANUAL, target, inexact=True)
+    turned = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
+    return convert(turned, MANUAL, target, inexact=True)

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.scanner.models import AZIMUTH_TICK_DEG, Family, Scanner
-from velocal.scanner.parameters import NEAR_POINT, TWO_POINT, LaserParameters
+from velocal.scanner.parameters import FAR_POINT_M, NEAR_POINT, TWO_POINT, LaserParameters
 
-#: Ranges of the two-point correction: far point, near point along X and along Y, metres.
-FAR_M, NEAR_X_M, NEAR_Y_M = 25.04, 2.4, 1.93
+#: Near points of the two-point correction along X and along Y, metres.
+NEAR_X_M, NEAR_Y_M = 2.4, 1.93
 
 
 class Interpolation(Enum):
@@ -265,7 +265,7 @@ def near_effect(
 
 
 def _between(at: Array, near_m: float, near: Array, far: Array) -> Array:
-    return np.asarray(near + (far - near) * (at - near_m) / (FAR_M - near_m))
+    return np.asarray(near + (far - near) * (at - near_m) / (FAR_POINT_M - near_m))
 
 
 _ALL = dict.fromkeys(Family, Interpolation.ALL_LASERS)

@@ -19,6 +19,8 @@ UNITS = {"dl": "m", "alpha": "rad", "v": "rad", "voff": "m", "hoff": "m"}
 #: the flag of ROS YAML that says whether they are used (1 or 0).
 NEAR_POINT = ("dist_correction_x", "dist_correction_y")
 TWO_POINT = "two_pt_correction_available"
+#: Range at which the factory finds the distance correction of a two-point file, metres.
+FAR_POINT_M = 25.04
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,10 @@ import numpy as np
 
 from velocal.errors import VelocalError
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import TWO_POINT, LaserParameters
+from velocal.scanner.parameters import FAR_POINT_M, TWO_POINT, LaserParameters
 
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
 LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
-#: Range at which the factory measures the distance correction of an HDL-64E (manual), metres.
-FAR_POINT_M = 25.04
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ from velocal.evaluation.holdout import LEVEL
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane
 from velocal.geometry.planes import fit_plane
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import TWO_POINT, LaserParameters
+from velocal.scanner.parameters import LaserParameters
 
 #: Prior standard deviation of a plane at the rms distance of its points from their centre, metres.
 #: It is much larger than what the lasers can shift a fitted plane by.
@@ -110,19 +110,14 @@ def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSe
     ----------
     scanner : Scanner
     parameters : LaserParameters
-        Parameters that are corrected. Nominal ones contain no correction at a far point.
+        Parameters that are corrected.
 
     Notes
     -----
     No dl stays at the factory's alone. Without a survey, that of one laser is known only relative
     to those of the others, so that the data never seem to decide much of it.
     """
-    settings = UnitSettings.recommended(scanner, factory=parameters)
-    return replace(
-        settings,
-        hold_below=0.0,
-        far_point_m=settings.far_point_m if TWO_POINT in parameters.carried else None,
-    )
+    return replace(UnitSettings.recommended(scanner, factory=parameters), hold_below=0.0)
 
 
 def unit_station_of(

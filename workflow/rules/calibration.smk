@@ -29,11 +29,7 @@ SETS = [
     for scanner in STUDY.scanners
     for name in STUDY.candidates(scanner)
 ]
-CALIBRATIONS = [
-    f"{scanner}/{name}"
-    for scanner, calibrations in STUDY.calibrations.items()
-    for name in calibrations
-]
+CALIBRATIONS = ["/".join(each) for each in STUDY.calibration_names]
 CERTIFICATES = expand(
     f"{RESULTS}/certificate.{{suffix}}", suffix=("json", "html") if CALIBRATIONS else ()
 )
@@ -108,7 +104,7 @@ rule adjust_unit:
     log:
         f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{unit}}.log",
     wildcard_constraints:
-        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
+        unit=one_of([name for _, name in STUDY.calibration_names]),
     params:
         positions=lambda wildcards: positions_per_window(
             samples_of_calibration(wildcards)
@@ -126,25 +122,22 @@ rule write_certificate:
         recordings=[STUDY.samples[sample].recording for sample in CERTIFIED],
         ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=CERTIFIED),
         surveys=at_positions(f"{RESULTS}/survey/{{position}}.json", CERTIFIED),
-        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+        factories=list(STUDY.factory_files.values()),
     output:
         json=f"{RESULTS}/certificate.json",
         html=f"{RESULTS}/certificate.html",
     log:
         f"{RESULTS}/logs/write_certificate.log",
     params:
-        names=[name for sets in STUDY.calibrations.values() for name in sets],
-        scanners=[scanner for scanner, sets in STUDY.calibrations.items() for _ in sets],
+        names=[name for _, name in STUDY.calibration_names],
+        scanners=[scanner for scanner, _ in STUDY.calibration_names],
         samples=[
-            list(samples)
-            for sets in STUDY.calibrations.values()
-            for samples in sets.values()
+            list(STUDY.calibrations[scanner][name])
+            for scanner, name in STUDY.calibration_names
         ],
         sample_names=CERTIFIED,
         positions=[STUDY.samples[sample].position for sample in CERTIFIED],
-        factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != NOMINAL
-        ],
+        factory_scanners=list(STUDY.factory_files),
         serials=SETTINGS.serials,
         simulated=bool(WORLD),
     script:

@@ -42,7 +42,7 @@ rule measure_drift:
         rotations=expand(
             f"{RESULTS}/recordings/{{sample}}/rotations.parquet", sample=SURVEYED
         ),
-        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+        factories=list(STUDY.factory_files.values()),
     output:
         lasers=f"{RESULTS}/drift/lasers.csv",
         summary=f"{RESULTS}/drift/summary.csv",
@@ -59,9 +59,7 @@ rule measure_drift:
         positions=[STUDY.samples[name].position for name in SURVEYED],
         ports=[STUDY.samples[name].port for name in SURVEYED],
         addresses=[STUDY.samples[name].address for name in SURVEYED],
-        factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != NOMINAL
-        ],
+        factory_scanners=list(STUDY.factory_files),
         length=lambda wildcards: SETTINGS.windows.rotations,
         simulated=bool(WORLD),
     script:
@@ -74,7 +72,7 @@ rule adjust_offsets:
             f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", SURVEYED
         ),
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
-        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+        factories=list(STUDY.factory_files.values()),
         truths=expand(
             f"{RESULTS}/simulation/truth/{{scanner}}.csv",
             scanner=STUDY.scanners if WORLD else (),
@@ -89,9 +87,7 @@ rule adjust_offsets:
         samples=samples_per_window(SURVEYED),
         positions=positions_per_window(SURVEYED),
         scanners=[STUDY.samples[name].scanner for name in samples_per_window(SURVEYED)],
-        factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != NOMINAL
-        ],
+        factory_scanners=list(STUDY.factory_files),
         truth_scanners=STUDY.scanners if WORLD else [],
         adjustment={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
         simulated=bool(WORLD),

@@ -94,8 +94,7 @@ def calibration_file(wildcards):
 
 def factory_path(scanner):
     """Factory calibration of a scanner, as input; nothing for nominal values."""
-    path = STUDY.factories.get(scanner, NOMINAL)
-    return [] if path == NOMINAL else path
+    return STUDY.factory_files.get(scanner, [])
 
 
 def per_window(pattern, samples):

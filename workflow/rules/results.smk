@@ -83,7 +83,7 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         checks=CHECKS if STUDY.surveyed else [],
         sets=expand("{path}.csv", path=SETS),
-        factories=[path for path in STUDY.factories.values() if path != NOMINAL],
+        factories=list(STUDY.factory_files.values()),
         pictures=figure_files(FIGURES, ["png"]),
         numbers=figure_files(FIGURES, ["csv"]),
         certificate=f"{RESULTS}/certificate.json" if CALIBRATIONS else [],
@@ -109,9 +109,7 @@ rule write_report:
         figures=SETTINGS.plain()["figures"],
         samples=[*STUDY.samples, *STUDY.outdoor],
         scanners=list(STUDY.factories),
-        factory_scanners=[
-            name for name, path in STUDY.factories.items() if path != NOMINAL
-        ],
+        factory_scanners=list(STUDY.factory_files),
         set_scanners=[
             scanner for scanner in STUDY.scanners for _ in STUDY.candidates(scanner)
         ],

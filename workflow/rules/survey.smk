@@ -90,7 +90,7 @@ rule check_survey:
         medians=per_window(
             f"{RESULTS}/medians/{{sample}}/{{window}}.parquet", STUDY.surveyed
         ),
-        calibrations=[path for path in STUDY.factories.values() if path != NOMINAL],
+        calibrations=list(STUDY.factory_files.values()),
     output:
         checks=CHECKS,
         planes_csv=f"{RESULTS}/survey/checks_planes.csv",
@@ -107,7 +107,7 @@ rule check_survey:
             name: sample.position for name, sample in STUDY.surveyed.items()
         },
         scanners=STUDY.positions,
-        files_of=[name for name, path in STUDY.factories.items() if path != NOMINAL],
+        files_of=list(STUDY.factory_files),
         adjustments={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,

@@ -25,6 +25,7 @@ from velocal.study.model import Section, validated
 from velocal.study.outputs import Validation
 from velocal.study.reduction import Assignment
 from velocal.study.samples import (
+    NOMINAL,
     OutdoorSample,
     SurveyedSample,
     UnsurveyedSample,
@@ -73,6 +74,16 @@ class Study:
     def factories(self) -> dict[str, str]:
         """Calibration file of the factory for every surveyed scanner, or `nominal`."""
         return {sample.scanner: sample.calibration for sample in self.surveyed.values()}
+
+    @property
+    def factory_files(self) -> dict[str, str]:
+        """Calibration file of the factory, by scanner; scanners with nominal values have none."""
+        return {name: path for name, path in self.factories.items() if path != NOMINAL}
+
+    @property
+    def calibration_names(self) -> list[tuple[str, str]]:
+        """Scanner and name of every calibration of a unit."""
+        return [(scanner, name) for scanner, sets in self.calibrations.items() for name in sets]
 
     @property
     def assignment(self) -> Assignment:

@@ -1,6 +1,7 @@
 """Certificate of every calibration, as JSON and as a page."""
 
 import hashlib
+from functools import cache
 from pathlib import Path
 
 from velocal.evaluation.certificate import Conditions, File, certificate
@@ -11,12 +12,15 @@ from velocal.io.scripts import run
 from velocal.reporting.certificate import render
 
 
+@cache
+def _sha256(path: Path) -> str:
+    """Digest of a file; captures are large, and several calibrations may rest on one."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _files(role: str, paths: list[Path]) -> list[File]:
-    found = []
-    for path in dict.fromkeys(paths):
-        with path.open("rb") as file:
-            found.append(File(role, path.name, hashlib.file_digest(file, "sha256").hexdigest()))
-    return found
+    return [File(role, path.name, _sha256(path)) for path in dict.fromkeys(paths)]
 
 
 def main(

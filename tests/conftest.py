@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -28,6 +29,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def tiny_study(tmp_path_factory) -> Path:
     """The folder of the finished tiny study: a test puts back what it changes there."""
     return run_tiny(copy_project(tmp_path_factory.mktemp("tiny") / "project"), 2)
+
+
+@pytest.fixture(scope="session")
+def study_rules() -> dict[str, Any]:
+    """Rules of the study, which has every optional stage, by name."""
+    from snakemake.api import SnakemakeApi
+    from snakemake.settings.types import OutputSettings, Quietness, ResourceSettings
+
+    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
+        loaded = api.workflow(
+            resource_settings=ResourceSettings(cores=1),
+            snakefile=ROOT / "workflow/Snakefile",
+            workdir=ROOT,
+        )
+        return {rule.name: rule for rule in loaded._workflow.rules}
 
 
 @pytest.fixture(scope="session")

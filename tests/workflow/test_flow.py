@@ -1,10 +1,7 @@
 """The drawing of the flow names the rules and the dependencies that the workflow has."""
 
 import pytest
-from snakemake.api import SnakemakeApi
 from snakemake.iocontainers import Wildcards
-from snakemake.settings.types import OutputSettings, Quietness, ResourceSettings
-from support.running import ROOT
 
 from velocal.reporting.figures.flow import HANDED_OVER, STEPS
 
@@ -14,18 +11,6 @@ WILDCARDS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def rules():
-    """Rules of the study by name."""
-    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
-        loaded = api.workflow(
-            resource_settings=ResourceSettings(cores=1),
-            snakefile=ROOT / "workflow/Snakefile",
-            workdir=ROOT,
-        )
-        return {rule.name: rule for rule in loaded._workflow.rules}
-
-
 def makers(rules, path):
     """Rules of the drawing that make a file; one rule is another with one more output."""
     found = {name for name, rule in rules.items() if rule.is_producer(path)}
@@ -33,8 +18,8 @@ def makers(rules, path):
 
 
 @pytest.mark.parametrize("step", STEPS, ids=lambda step: step.rule)
-def test_arrows_are_the_inputs_of_the_rule(rules, step):
-    rule = rules[step.rule]
+def test_arrows_are_the_inputs_of_the_rule(study_rules, step):
+    rule = study_rules[step.rule]
     drawn = {each.rule for each in STEPS}
     if step.rule in HANDED_OVER:
         assert not step.needs
@@ -42,5 +27,5 @@ def test_arrows_are_the_inputs_of_the_rule(rules, step):
         return
     given = Wildcards(fromdict={name: WILDCARDS[name] for name in rule.wildcard_names})
     inputs = rule.expand_input(given)[0]
-    needed = set().union(*(makers(rules, path) for path in inputs)) & drawn
+    needed = set().union(*(makers(study_rules, path) for path in inputs)) & drawn
     assert needed == {*step.needs, *step.also}

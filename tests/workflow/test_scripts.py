@@ -6,25 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from snakemake.api import SnakemakeApi
-from snakemake.settings.types import OutputSettings, Quietness, ResourceSettings
 from support.running import ROOT
 
 from velocal.io.scripts import TRIGGERS, disagreements
 
 RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
-
-
-@pytest.fixture(scope="module")
-def rules(tmp_path_factory):
-    """Rules of the study, which has every optional stage, by name."""
-    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
-        loaded = api.workflow(
-            resource_settings=ResourceSettings(cores=1),
-            snakefile=ROOT / "workflow/Snakefile",
-            workdir=ROOT,
-        )
-        return {rule.name: rule for rule in loaded._workflow.rules}
 
 
 def faults(rule, main):
@@ -48,26 +34,26 @@ def written():
     )
 
 
-def test_all_rules_are_looked_at(rules):
+def test_all_rules_are_looked_at(study_rules):
     """A rule that only another configuration has would escape the next test."""
-    assert set(rules) - {"all"} == set(written())
+    assert set(study_rules) - {"all"} == set(written())
     assert len(written()) > 30
 
 
 @pytest.mark.parametrize("name", written())
-def test_rule_and_script_have_the_same_names(rules, name):
-    rule = rules[name]
+def test_rule_and_script_have_the_same_names(study_rules, name):
+    rule = study_rules[name]
     assert faults(rule, main_of(Path(rule.script).stem)) == []
 
 
 @pytest.mark.parametrize("name", written())
-def test_nothing_comes_by_position(rules, name):
-    for values in (rules[name].input, rules[name].output, rules[name].params):
+def test_nothing_comes_by_position(study_rules, name):
+    for values in (study_rules[name].input, study_rules[name].output, study_rules[name].params):
         assert all(key is not None for key, _ in values._allitems())
 
 
-def test_a_name_on_one_side_is_found(rules):
-    rule = rules["adjust_survey"]
+def test_a_name_on_one_side_is_found(study_rules):
+    rule = study_rules["adjust_survey"]
 
     def lacks(*, planes: Path, base_scanner: Path, base_field: Path, survey: Path) -> None: ...
 
@@ -85,11 +71,11 @@ def test_a_name_on_one_side_is_found(rules):
     assert faults(rule, main) == ["the rule does not give 'colour', which main takes"]
 
 
-def test_every_script_has_a_rule(rules):
-    used = {Path(rule.script).name for rule in rules.values() if rule.script}
+def test_every_script_has_a_rule(study_rules):
+    used = {Path(rule.script).name for rule in study_rules.values() if rule.script}
     assert used == {path.name for path in (ROOT / "scripts").glob("*.py")}
 
 
-def test_every_script_runs_again_when_its_library_changes(rules):
-    for rule in rules.values():
+def test_every_script_runs_again_when_its_library_changes(study_rules):
+    for rule in study_rules.values():
         assert set(rule.params.keys()) >= TRIGGERS if rule.script else rule.name == "all"

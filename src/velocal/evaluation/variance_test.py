@@ -120,6 +120,27 @@ def correlated_variance_test(
     return CorrelatedTest(np.where(seen, dof, np.nan), np.where(seen, p, np.nan))
 
 
+def holm_p(p: Array) -> Array:
+    """P-values of several tests, adjusted after Holm.
+
+    Parameters
+    ----------
+    p : ndarray, shape (k,)
+        P-values of the hypotheses; NaN where there is none to test.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        NaN stays NaN.
+    """
+    order = np.argsort(p, kind="stable")  # NaN comes last
+    tested = order[: int(np.isfinite(p).sum())]
+    raw = p[tested] * np.arange(len(tested), 0, -1)
+    adjusted = np.full(len(p), np.nan)
+    adjusted[tested] = np.minimum(np.maximum.accumulate(raw), 1.0)
+    return adjusted
+
+
 def holm(p: Array, alpha: float) -> NDArray[np.bool_]:
     """Reject hypotheses so that the probability of any wrong rejection is at most alpha (Holm).
 
@@ -134,13 +155,7 @@ def holm(p: Array, alpha: float) -> NDArray[np.bool_]:
     ndarray of bool, shape (k,)
         Which hypotheses are rejected.
     """
-    order = np.argsort(p, kind="stable")  # NaN comes last
-    tested = int(np.isfinite(p).sum())
-    bound = alpha / np.arange(tested, 0, -1)
-    passed = np.logical_and.accumulate(p[order[:tested]] <= bound)
-    rejected = np.zeros(len(p), dtype=bool)
-    rejected[order[:tested]] = passed
-    return rejected
+    return np.asarray(holm_p(p) <= alpha)
 
 
 def _pairs(

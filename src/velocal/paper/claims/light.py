@@ -11,7 +11,8 @@ from scipy.special import chdtrc, chdtri, chndtrinc, ndtr
 from velocal.adjustment.average import average
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.result import CalibrationSet
-from velocal.paper.claims.verdict import ALPHA, QUANTILE, SHOWN, Judgement, Verdict, holm, rms
+from velocal.evaluation.variance_test import holm_p
+from velocal.paper.claims.verdict import ALPHA, QUANTILE, SHOWN, Judgement, Verdict, rms
 from velocal.study.samples import WINDOWS
 
 #: Power at which the smallest effect is stated that a test finds.
@@ -63,7 +64,8 @@ def differences(sets: Mapping[str, Sequence[CalibrationSet]]) -> pd.DataFrame:
                         "without": without, "with": lit, "parameter": name, "unit": unit,
                         "laser": 1 + np.arange(len(change)), "laser_id": np.arange(len(change)),
                         "difference": change, "std": std, "low": change - QUANTILE * std,
-                        "high": change + QUANTILE * std, "p_holm": holm(np.where(seen, p, np.nan)),
+                        "high": change + QUANTILE * std,
+                        "p_holm": holm_p(np.where(seen, p, np.nan)),
                     }
                 )
             )  # fmt: skip
@@ -92,7 +94,7 @@ def judge(found: pd.DataFrame, drift: pd.DataFrame) -> Judgement:
         if name == "dl":
             shift = chndtrinc(chdtri(n, ALPHA), n, 1.0 - POWER)
             effects.append(stated * float(np.sqrt(shift / n)))
-    smallest = float(holm(np.array(p_values)).min())
+    smallest = float(holm_p(np.array(p_values)).min())
     rejected = int((found["p_holm"] < ALPHA).sum())
     dl = found[found["parameter"] == "dl"]
     pairs = dl.pivot_table(index="laser_id", columns="with", values="difference").to_numpy()

@@ -13,7 +13,6 @@ from enum import StrEnum
 import numpy as np
 import pandas as pd
 
-from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.io.markup import markdown_table
 from velocal.paper.printed import printed_claims
@@ -97,16 +96,6 @@ def markdown(claims: pd.DataFrame, *, simulated: bool) -> str:
     if simulated:
         lines += ["", f"The verdicts are on the simulated world. {SIMULATED}"]
     return "\n".join(lines) + "\n"
-
-
-def holm(p: Array) -> Array:
-    """P-values of several tests, adjusted after Holm; NaN stays NaN."""
-    order = np.argsort(p)  # NaN last
-    n = int(np.isfinite(p).sum())
-    raw = p[order][:n] * np.arange(n, 0, -1)
-    adjusted = np.full(len(p), np.nan)
-    adjusted[order[:n]] = np.minimum(np.maximum.accumulate(raw), 1.0)
-    return adjusted
 
 
 def rms(values: pd.Series) -> float:

@@ -10,7 +10,8 @@ import pandas as pd
 from scipy.special import ndtr
 
 from velocal.evaluation.candidates import Role
-from velocal.paper.claims.verdict import ALPHA, Judgement, Verdict, holm
+from velocal.evaluation.variance_test import holm_p
+from velocal.paper.claims.verdict import ALPHA, Judgement, Verdict
 from velocal.paper.printed import printed_rows
 from velocal.scanner.models import scanner_named
 
@@ -44,7 +45,7 @@ def judge(drift: pd.DataFrame, summary: pd.DataFrame) -> list[Judgement]:
             )
             moved = change.loc[last] - change.loc[first]
             error = np.sqrt(std.loc[last] ** 2 + std.loc[first] ** 2)
-            p = holm(np.asarray(2.0 * ndtr(-np.abs(np.asarray(moved / error, dtype=float)))))
+            p = holm_p(np.asarray(2.0 * ndtr(-np.abs(np.asarray(moved / error, dtype=float)))))
             level = float(after[after["sample"] == sample]["rms_cm"].mean())
             unstable += [str(sample)] if size > NEGLIGIBLE * level else []
             texts.append(

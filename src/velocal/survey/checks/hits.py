@@ -9,6 +9,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.adjustment.functional import misclosure
 from velocal.arrays import Array
 from velocal.geometry.planes import Patch, Plane
 from velocal.geometry.rigid import RigidTransformation
@@ -83,12 +84,11 @@ class Hits:
         s = np.full(len(beams), np.nan)
         hit = plane != NO_PLANE
         number = plane[hit]
-        direction, origin = laser_beams(beams.phi[hit], beams.laser_id[hit], parameters)
         normal = np.stack([patch.plane.normal for patch in patches])[number]
         offset = np.array([patch.plane.offset for patch in patches])[number]
-        towards = np.einsum("ni,ni->n", direction, normal)
-        expected = -(np.einsum("ni,ni->n", origin, normal) + offset) / towards
-        s[hit] = beams.distance_m[hit] + parameters.dl[beams.laser_id[hit]] - expected
+        s[hit] = misclosure(
+            beams.distance_m[hit], beams.phi[hit], beams.laser_id[hit], parameters, normal, offset
+        )
         return cls(plane, s)
 
     def within(self, limits: Limits) -> NDArray[np.bool_]:

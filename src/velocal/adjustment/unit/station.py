@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
-from velocal.arrays import Array
+from velocal.arrays import Array, joined_rows
 from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation
 from velocal.scanner.parameters import LaserParameters
@@ -75,11 +73,6 @@ class Bins:
     mean: Observations
     count: Array
 
-    def rows(self, laser: int, station: int) -> NDArray[np.int64]:
-        """Rows of a laser at a station."""
-        own = (self.mean.laser_id == laser) & (self.mean.station_number == station)
-        return np.flatnonzero(own)
-
 
 def azimuth_bins(
     stations: Sequence[UnitStation], factory: LaserParameters, width_rad: float
@@ -105,7 +98,8 @@ def azimuth_bins(
     VelocalError
         If an observation is of a laser that the parameters lack, or is not finite.
     """
-    parts: list[tuple[NDArray[Any], ...]] = []
+    rows: list[Observations] = []
+    counts: list[Array] = []
     for number, station in enumerate(stations):
         data = station.observations
         n = len(data.phi)
@@ -145,20 +139,8 @@ def azimuth_bins(
             plane=np.asarray(data.plane_number, dtype=np.int64)[first],
             laser_id=laser[first],
         )
-        distance = mean_s - row.misclosure(factory)
-        parts.append(
-            (
-                distance,
-                angle,
-                row.laser_id,
-                row.normal,
-                row.offset,
-                row.plane_number,
-                row.station_number,
-                count,
-            )
-        )
-    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    order = np.lexsort((joined[5], joined[1], joined[6], joined[2]))
-    distance, angle, laser, normal, offset, plane, station_of, count = (c[order] for c in joined)
-    return Bins(Observations(distance, angle, laser, normal, offset, plane, station_of), count)
+        rows.append(replace(row, distance_m=mean_s - row.misclosure(factory)))
+        counts.append(count)
+    mean = joined_rows(rows)
+    order = np.lexsort((mean.plane_number, mean.phi, mean.station_number, mean.laser_id))
+    return Bins(mean.take(order), np.concatenate(counts)[order])

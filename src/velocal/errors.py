@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -81,6 +81,10 @@ class StorageError(VelocalError):
     """A file of our own is damaged or of another kind or version."""
 
 
+class OutputError(VelocalError):
+    """A file cannot be written, or must not be: it is an input, exists, or is no regular file."""
+
+
 class ScriptError(VelocalError):
     """A rule of the workflow and its script do not agree on names or types."""
 
@@ -99,6 +103,7 @@ def reported(log: str | Path | None = None) -> Iterator[None]:
     except VelocalError as error:
         message = f"Error: {error}"
         if log:
-            Path(log).write_text(message + "\n", encoding="utf-8")
+            with suppress(OSError):  # the disk that is full may be that of the log
+                Path(log).write_text(message + "\n", encoding="utf-8")
         print(message, file=sys.stderr)
         sys.exit(1)

@@ -54,7 +54,7 @@ def test_inspect(recording):
 
 
 def test_decode(recording, tmp_path):
-    out = tmp_path / "new" / "returns.parquet"
+    out = tmp_path / "returns.parquet"
     done = velocal("decode", recording, "-o", out, "--window", "beginning", "--rotations", 1)
     assert done.returncode == 0, done.stderr
     columns, facts = storage.read_table(out, schemas.RETURNS)

@@ -242,7 +242,7 @@ def test_files_are_read_back(suffix, shift, tmp_path):
     settings = Settings(scanner, calibration(scanner), calibration(scanner, 2) if shift else None)
     expect = everything(path, settings)
     found = inspect(path)
-    out = tmp_path / f"new folder/points{suffix}"
+    out = tmp_path / f"points{suffix}"
     with cloud_writer(out, shift=shift, facts={"scanner": scanner.name}) as write_columns:
         for columns, _ in stream(path, found, np.arange(len(found.index)), settings):
             write_columns(columns)

@@ -11,6 +11,7 @@ from velocal import __version__
 from velocal.cli import calibration, init, points, recordings
 from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
+from velocal.io.output import stopped_cleanly
 
 app = typer.Typer(
     help="Calibrate Velodyne laser scanners against surveyed planes.",
@@ -33,7 +34,8 @@ def main() -> None:
     Faults of the input end in one message and exit code 1, wrong calls in one and exit code 2.
     """
     try:
-        code = app(standalone_mode=False)
+        with stopped_cleanly():
+            code = app(standalone_mode=False)
     except VelocalError as error:
         errors.print(f"[bold red]Error:[/] {escape(str(error))}")
         sys.exit(1)

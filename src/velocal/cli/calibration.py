@@ -19,8 +19,9 @@ from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
-from velocal.cli.common import escape, print_json
+from velocal.cli.common import Force, escape, print_json
 from velocal.errors import ConfigError
+from velocal.io.output import check_outputs
 from velocal.io.storage import write_csv
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
@@ -140,6 +141,7 @@ def convert_file(
     inexact: Annotated[
         bool, typer.Option("--inexact", help="Write TARGET even if its points differ.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Write a calibration in another format, with the numbers that its reader needs.
 
@@ -148,6 +150,7 @@ def convert_file(
     nothing is written unless --inexact is given. A dialect of the same name on both sides keeps
     all numbers.
     """
+    check_outputs([target], [source], overwrite=force)
     found = _read(source, scanner)
     before = _dialect(found, source, source_dialect, "--from")
     default = formats.format_of(target).default or before.name
@@ -206,6 +209,7 @@ def diff(
         Path | None, typer.Option("--figure", help="Picture to write (.png; .svg beside it).")
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Differences of every laser.")] = None,
+    force: Force = False,
 ) -> None:
     """Show the distances between the points of two calibrations, at chosen ranges.
 
@@ -213,6 +217,8 @@ def diff(
     choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
     at = _ranges(ranges)
+    drawn = [] if picture is None else [picture.with_suffix(".svg"), picture.with_suffix(".png")]
+    check_outputs([*drawn, *([csv] if csv else [])], [first, second], overwrite=force)
     a, b = _read(first, scanner), _read(second, scanner)
     one = _dialect(a, first, first_dialect, "--first")
     other = _dialect(b, second, second_dialect, "--second")

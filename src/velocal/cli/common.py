@@ -41,6 +41,7 @@ ScannerName = Annotated[
 ]
 
 
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
 Returns = Annotated[
     str,
     typer.Option("--return", help="Where a shot has two returns: both, strongest or last."),

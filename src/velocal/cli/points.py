@@ -10,8 +10,19 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.cli.common import Address, File, Port, Returns, ScannerName, escape, progress, scanned
+from velocal.cli.common import (
+    Address,
+    File,
+    Force,
+    Port,
+    Returns,
+    ScannerName,
+    escape,
+    progress,
+    scanned,
+)
 from velocal.errors import ConfigError
+from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.stream import FRAMES, Settings, raw_returns, stream
@@ -56,6 +67,7 @@ def points(
     frame: Annotated[
         str, typer.Option(help="Axes. velocal: Y forward, X right; ros: X forward, Y left.")
     ] = "velocal",
+    force: Force = False,
 ) -> None:
     """Write the points of a recording with a calibration: PLY, PCD, LAS, LAZ or Parquet.
 
@@ -72,6 +84,9 @@ def points(
             hint="The picture shows points before and after: --before nominal, or the old file.",
         )
     check_choice(returns, "--return")
+    drawn = [] if picture is None else [picture, picture.with_suffix(".svg")]
+    named = [name for name in (calibration, before) if name not in (None, "nominal")]
+    check_outputs([output, *drawn], [file, *map(Path, filter(None, named))], overwrite=force)
     recording = scanned(file, scanner, port, address)
     inspection, known = recording.scan(), recording.scanner
     chosen = _chosen(rotations, every, len(inspection.index))

@@ -13,6 +13,7 @@ from velocal.calibration.files import formats
 from velocal.cli.common import (
     Address,
     File,
+    Force,
     Port,
     Returns,
     ScannerName,
@@ -22,6 +23,7 @@ from velocal.cli.common import (
     scanned,
 )
 from velocal.errors import ConfigError
+from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
 from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
@@ -94,6 +96,7 @@ def decode(
     port: Port = None,
     address: Address = None,
     returns: Returns = "both",
+    force: Force = False,
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
     if window not in WINDOWS:
@@ -101,6 +104,7 @@ def decode(
             f"unknown window {window!r}", where="--window", allowed=", ".join(WINDOWS)
         )
     check_choice(returns, "--return")
+    check_outputs([output], [file], overwrite=force)
     recording = scanned(file, scanner, port, address)
     known, index = recording.scanner, recording.rotations
     chosen = recording.select(window, rotations)
@@ -126,8 +130,10 @@ def from_recording(
     ],
     port: Port = None,
     address: Address = None,
+    force: Force = False,
 ) -> None:
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
+    check_outputs([output], [file], overwrite=force)
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
     print(f"{output}: {status.tables_text}")

@@ -1,1 +1,1 @@
-"""Files of our own: atomic writing, Parquet schemas, digests."""
+"""Our own files: one writer, Parquet schemas, digests, what a script gets from its rule."""

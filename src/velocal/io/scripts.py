@@ -8,12 +8,14 @@ the two sides knows, and a value of another type, is one `ScriptError` before an
 from __future__ import annotations
 
 import inspect
+import signal
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from velocal.errors import ScriptError, reported
+from velocal.io.output import check_outputs, stopped_cleanly
 
 #: Params that tell Snakemake when to run a job again; no script takes them.
 TRIGGERS = frozenset({"library"})
@@ -42,7 +44,8 @@ def run(main: Callable[..., None], job: Job) -> None:
     """Call the `main` of a script with what its rule gives.
 
     An error of the family `VelocalError` becomes its message in the job's log and on standard
-    error, and exit code 1.
+    error, and exit code 1. Outputs may replace files, as Snakemake owns the results, but never
+    an input of the job.
 
     Parameters
     ----------
@@ -52,8 +55,19 @@ def run(main: Callable[..., None], job: Job) -> None:
     job : Job
         The object ``snakemake`` of the script.
     """
-    with reported(job.log[0] if job.log else None):
-        main(**arguments(main, job))
+    with stopped_cleanly(), reported(job.log[0] if job.log else None):
+        check_outputs(_paths(job.output), _paths(job.input))
+        try:
+            main(**arguments(main, job))
+        except KeyboardInterrupt:
+            raise SystemExit(128 + signal.SIGINT) from None
+
+
+def _paths(named: Named) -> list[Path]:
+    """All files of a job's inputs or outputs."""
+    given = [value for _, value in named.items()]
+    lists = [[value] if isinstance(value, str) else value for value in given]
+    return [Path(path) for paths in lists for path in paths]
 
 
 def arguments(main: Callable[..., None], job: Job) -> dict[str, Any]:

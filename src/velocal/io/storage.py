@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,33 +15,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from velocal.errors import StorageError
+from velocal.io.output import new_file
 
 #: Metadata key under which facts about a table are kept, as JSON.
 FACTS = b"velocal.facts"
 
 
-@contextmanager
-def atomic(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside `path` that takes its name once the block has succeeded."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield temporary
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def write_blocks(path: Path, blocks: Iterable[bytes]) -> None:
     """Write a binary file block by block, as they come."""
-    with atomic(path) as temporary, temporary.open("wb") as file:
+    with new_file(path) as file:
         file.writelines(blocks)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file."""
-    with atomic(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    """Write a text file, in UTF-8 and with line ends of one byte."""
+    write_blocks(path, [text.encode()])
 
 
 def _plain(value: Any) -> Any:
@@ -145,7 +132,7 @@ def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableW
         "use_dictionary": [field.name for field in schema if field.type == pa.uint8()],
         "column_encoding": dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
     }
-    with atomic(path) as temporary, pq.ParquetWriter(temporary, described, **options) as writer:
+    with new_file(path) as file, pq.ParquetWriter(file, described, **options) as writer:
         yield TableWriter(writer, described)
 
 

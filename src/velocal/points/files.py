@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import date
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from velocal import __version__
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
+from velocal.io.output import new_file
 
 #: One array per field, as `velocal.points.stream.stream` gives them.
 Columns = Mapping[str, NDArray[Any]]
@@ -64,27 +64,20 @@ def _text_headed(
         return header(names, points, "." * pad).encode("ascii")
 
     points = 0
-    with storage.atomic(path) as temporary, temporary.open("wb", buffering=0) as file:
+    with new_file(path) as file:
 
         def write(columns: Columns) -> None:
             nonlocal points
             rows = np.empty(len(columns["x"]), dtype=row)
             for name in names:
                 rows[name] = columns[name]
-            _write_all(file, rows.tobytes())
+            file.write(rows.tobytes())
             points += len(rows)
 
-        _write_all(file, head(0))
+        file.write(head(0))
         yield write
         file.seek(0)
-        _write_all(file, head(points))
-
-
-def _write_all(file: io.FileIO, data: bytes) -> None:
-    """Write all of it; an unbuffered file may take less at a time."""
-    rest = memoryview(data)
-    while rest:
-        rest = rest[file.write(rest) :]
+        file.write(head(points))
 
 
 def _ply_header(names: Sequence[str], points: int, pad: str) -> str:
@@ -153,7 +146,7 @@ def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Wri
     header.generating_software = f"velocal {__version__}"
     extra = [name for name in names if name in ("laser_id", "rotation", "shift")]
     header.add_extra_dims([laspy.ExtraBytesParams(name, _ROW[name]) for name in extra])
-    with storage.atomic(path) as temporary, temporary.open("wb") as file:
+    with new_file(path) as file:
         writer = laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False)
 
         def write(columns: Columns) -> None:

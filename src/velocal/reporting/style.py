@@ -6,6 +6,7 @@ without colour. The bytes of a figure depend on nothing but its numbers.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from velocal.arrays import Array
-from velocal.io.storage import atomic
+from velocal.io.storage import write_blocks
 from velocal.study.figures import HistogramFigure, LaserFigure
 
 BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
@@ -78,8 +79,9 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
             (svg, {"Date": None, "Creator": None}),
             (png, {"Software": None}),
         ):
-            with atomic(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+            drawn = io.BytesIO()
+            figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
+            write_blocks(path, [drawn.getvalue()])
 
 
 def finish(

@@ -11,6 +11,7 @@ import jinja2
 
 from velocal.errors import ConfigError
 from velocal.io import storage
+from velocal.io.output import writing
 from velocal.scanner.models import SCANNERS, Scanner
 
 #: Where the capture and the factory's file are looked for until the sample table says otherwise.
@@ -70,8 +71,11 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
                 hint="Choose another folder, or move the old files away.",
             )
     for path, text in texts.items():
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
         storage.write_text(path, text)
-    (folder / CAPTURES).mkdir(exist_ok=True)
+    with writing(folder / CAPTURES):
+        (folder / CAPTURES).mkdir(exist_ok=True)
     return list(texts)
 
 

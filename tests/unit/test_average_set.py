@@ -66,6 +66,7 @@ def test_windows_belong_to_the_samples_that_are_named(tmp_path):
 
 def test_files_of_a_set_give_their_readers_the_same_points(tmp_path):
     adjustment = tmp_path / "sa3" / "middle.csv"
+    adjustment.parent.mkdir()
     write_adjustment(adjustment, np.linspace(-0.01, 0.01, 64))
     formats.write(tmp_path / "factory.xml", unit())
     files = {suffix: tmp_path / f"set.{suffix}" for suffix in ("csv", "json", "yaml", "xml")}
@@ -118,6 +119,7 @@ def written(folder, sample, window, value):
         "noise": np.full(n, 1e-6),
         "prior": np.full(n, 3e-6),
     }
+    (folder / sample).mkdir(exist_ok=True)
     for path, columns in zip(tables, (adjustment, covariance), strict=True):
         storage.write_csv(path, columns)
     return tables

@@ -5,10 +5,9 @@
 from pathlib import Path
 
 from velocal.errors import VelocalError
-from velocal.io.provenance import library_digest
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
-from velocal.study.files import check_files
+from velocal.study.files import check_files, check_times
 from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
 from velocal.study.study import read_study
 
@@ -26,6 +25,8 @@ try:
         SIMULATED = read_world(Path(WORLD))
         check_world(STUDY, SIMULATED, WORLD)
     check_files(STUDY, CONFIG_NAME)
+    if workflow.is_main_process:
+        check_times(Path(RESULTS))
 except VelocalError as error:
     raise WorkflowError(str(error)) from None
 
@@ -47,22 +48,6 @@ wildcard_constraints:
     table=r"\d",
     figure=one_of(FIGURES),
     seed=r"\d+",
-
-
-def complete(rules):
-    """Give every rule of these files what is the same for all of them.
-
-    `library` is a digest of the library behind the script. Snakemake itself sees only a change of
-    the script, so this param is what lets a job run again after a change of a module.
-
-    The environment says which packages the script needs. velocal must be installed in it too, as
-    environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
-    """
-    for each in rules:
-        script = (Path(str(each.basedir)) / (each.script or "")).resolve()
-        if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
-            each.set_params(library=library_digest(script))
-            each.conda_env = "../../environment.yml"
 
 
 def figures_of(*kinds):

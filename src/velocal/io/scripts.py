@@ -18,7 +18,7 @@ from velocal.errors import ScriptError, reported
 from velocal.io.output import check_outputs, stopped_cleanly
 
 #: Params that tell Snakemake when to run a job again; no script takes them.
-TRIGGERS = frozenset({"library"})
+TRIGGERS = frozenset({"library", "given"})
 
 
 class Named(Protocol):

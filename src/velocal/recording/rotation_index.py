@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
+from velocal.io.identity import FileIdentity
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class RotationIndex:
     seekable : bool
         Whether packets can be read from any offset on. False for compressed files, for bags, and
         for recordings whose packets had to be put in order.
+    recording : FileIdentity or None
+        The file that the index was made from; None if that is not checked.
     """
 
     offset: NDArray[np.int64]
@@ -42,6 +45,7 @@ class RotationIndex:
     time_s: Array
     complete: NDArray[np.bool_]
     seekable: bool = True
+    recording: FileIdentity | None = None
 
     def __len__(self) -> int:
         return len(self.complete)

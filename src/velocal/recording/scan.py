@@ -7,7 +7,7 @@ of packets.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from velocal.capture.ledger import Ledger
 from velocal.capture.reading import Progress, open_capture
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import RecordingError
+from velocal.io.identity import identify
 from velocal.packets.data import BLOCKS, MODES, flags_and_azimuths, median_azimuth_step, view
 from velocal.packets.dual import two_returns
 from velocal.packets.status import TRAILING, StatusReader
@@ -57,12 +58,14 @@ def inspect(
         If the file has no known framing, not one valid data packet, or several scanners.
     """
     reading = open_capture(path, source).read(progress)
+    made_from = identify(path)
     scan = _Scan()
     for chunk in _merged(reading):
         scan.consume(chunk)
     if scan.packets == 0:
         raise RecordingError("holds no valid data packet", where=str(path))
-    return scan.result(reading.ledger, reading.seekable)
+    found = scan.result(reading.ledger, reading.seekable)
+    return replace(found, index=replace(found.index, recording=made_from))
 
 
 def _merged(chunks: Iterable[Chunk]) -> Iterator[Chunk]:

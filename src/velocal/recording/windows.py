@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from velocal.capture.chunk import Chunk
 from velocal.capture.reading import open_capture
 from velocal.capture.source import ANY_SOURCE, SourceFilter
-from velocal.errors import ConfigError
+from velocal.errors import ConfigError, RecordingError
 from velocal.io import schemas, storage
+from velocal.io.identity import FileIdentity, identify
+from velocal.io.plain import from_plain, to_plain
 from velocal.packets.data import BLOCKS
 from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.rotation_index import RotationIndex
@@ -33,6 +35,7 @@ def write_index(path: Path, index: RotationIndex) -> None:
     path : Path
         File, which appears when it is complete.
     index : RotationIndex
+        It must name its recording.
     """
     columns = {
         "offset": index.offset if index.seekable else np.full_like(index.offset, _NOT_SEEKABLE),
@@ -41,7 +44,7 @@ def write_index(path: Path, index: RotationIndex) -> None:
         "time_s": index.time_s,
         "complete": np.append(index.complete, False),
     }
-    storage.write_table(path, schemas.ROTATIONS, columns)
+    storage.write_table(path, schemas.ROTATIONS, columns, recording=to_plain(index.recording))
 
 
 def read_index(path: Path) -> RotationIndex:
@@ -50,9 +53,9 @@ def read_index(path: Path) -> RotationIndex:
     Raises
     ------
     StorageError
-        If the file is damaged, or of another kind or version.
+        If the file is damaged, of another kind or version, or does not name its recording.
     """
-    columns, _ = storage.read_table(path, schemas.ROTATIONS)
+    columns, facts = storage.read_table(path, schemas.ROTATIONS)
     offset = columns["offset"]
     return RotationIndex(
         offset,
@@ -61,6 +64,7 @@ def read_index(path: Path) -> RotationIndex:
         columns["time_s"],
         columns["complete"][:-1],
         seekable=bool(offset[0] != _NOT_SEEKABLE),
+        recording=from_plain(FileIdentity, facts.get("recording"), str(path)),
     )
 
 
@@ -190,7 +194,13 @@ def read_rotations(
         Valid packets; the first and last of a run may also hold blocks of a neighbour.
     rotation : ndarray of int64, shape (n, 12)
         Rotation of every block, -1 where it was not asked for.
+
+    Raises
+    ------
+    RecordingError
+        If the recording is not the file that the index was made from.
     """
+    _check_recording(path, index)
     capture = open_capture(path, source)
     wanted = np.zeros(len(index) + 1, dtype=bool)
     wanted[rotations] = True
@@ -207,6 +217,25 @@ def read_rotations(
         run = np.zeros_like(wanted)
         run[first:last] = True
         yield from _counted(chunks, int(index.packet[first]), index, run)
+
+
+def _check_recording(path: Path, index: RotationIndex) -> None:
+    """Raise an error if a file has changed since its index was made."""
+    made_from = index.recording
+    if made_from is None:
+        return
+    try:
+        found = identify(path)
+    except OSError as error:
+        raise RecordingError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    if found != made_from:
+        sizes = f"it has {found.bytes} bytes, and had {made_from.bytes}"
+        other = sizes if found.bytes != made_from.bytes else "its bytes are others"
+        raise RecordingError(
+            f"has changed since its rotations were indexed: {other}",
+            where=str(path),
+            hint="Scan it again (`Recording.scan`); `snakemake` does so in a study.",
+        )
 
 
 def temperature_deg_c(

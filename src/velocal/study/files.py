@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import time
 from collections.abc import Iterable
+from datetime import datetime
 from pathlib import Path
 
 import pandas as pd
@@ -11,6 +15,64 @@ from velocal.errors import ConfigError
 from velocal.study.config import Coordinates
 from velocal.study.samples import NOMINAL, OutdoorSample, Sample, embedded_path
 from velocal.study.study import Study
+
+#: Seconds that the time of a file may be ahead, as clocks of servers are.
+AHEAD_S = 1.0
+
+
+def given_files(study: Study) -> dict[str, str]:
+    """Files that people hand over: those that a study names and no rule makes.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    dict of str to str
+        What every file is, by its path.
+    """
+    folder = study.config.folder
+    made = study.made_files() | {embedded_path(folder, name) for name in study.samples}
+    return {path: what for what, path in _named(study) if path not in made | {NOMINAL}}
+
+
+def check_times(folder: Path) -> None:
+    """Check that no result has a time in the future.
+
+    Snakemake tells by the times of files what is older than what it was made from. A clock that
+    was once ahead would let old results pass for new ones.
+
+    Parameters
+    ----------
+    folder : Path
+        Of results; it need not exist.
+
+    Raises
+    ------
+    ConfigError
+        If a file has such a time.
+    """
+    for parent, folders, names in os.walk(folder):
+        folders.sort()
+        for path in (Path(parent, name) for name in sorted(names)):
+            _check_time(
+                path,
+                str(path),
+                f"Correct the clock of this machine, and remove all such files (`find {folder} "
+                "-newermt now -delete`): they are made again.",
+            )
+
+
+def _check_time(path: Path, where: str, hint: str) -> None:
+    """Raise an error if a file has a time in the future."""
+    try:
+        changed = path.lstat().st_mtime
+    except OSError:
+        return
+    if changed > time.time() + AHEAD_S:
+        when = datetime.fromtimestamp(changed).isoformat(" ", "seconds")
+        raise ConfigError(f"its time is in the future: {when}", where=where, hint=hint)
 
 
 def check_files(study: Study, where: str) -> None:
@@ -25,19 +87,19 @@ def check_files(study: Study, where: str) -> None:
     Raises
     ------
     ConfigError
-        If a file is missing, or a survey file has no target of a plane, a scanner or a position
-        that the study uses.
+        If a file is missing or has a time in the future, or a survey file has no target of a
+        plane, a scanner or a position that the study uses.
     """
     made, folder = study.made_files(), study.config.folder
-    given = {NOMINAL, *(embedded_path(folder, name) for name in study.samples)}
     hint = (
         "Put it there, or name another; paths are relative to the folder in which snakemake runs."
     )
     if made:
         hint += f" Simulated files lie below {folder}/simulation, each under its sample's name."
-    for what, path in _named(study):
-        if path not in made | given and not Path(path).is_file():
+    for path, what in given_files(study).items():
+        if not Path(path).is_file():
             raise ConfigError(f"{what}: no file {path!r}", where=where, hint=hint)
+        _check_time(Path(path), f"{what}: {path}", f"Set it to now: touch {shlex.quote(path)}")
     if study.surveyed and isinstance(study.config.survey, Coordinates):
         survey = study.config.survey
         scanners, positions = study.scanners, list(study.positions)
@@ -59,6 +121,8 @@ def _named(study: Study) -> Iterable[tuple[str, str]]:
     for sample in samples:
         yield f"recording of sample {sample.name!r}", sample.recording
         yield f"calibration of sample {sample.name!r}", sample.calibration
+    if study.config.simulation:
+        yield "simulation.world", study.config.simulation.world
 
 
 def _check_targets(key: str, path: str, column: str, wanted: Iterable[str]) -> None:

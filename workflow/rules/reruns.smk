@@ -1,0 +1,78 @@
+# What makes a job run again; no rules.
+#
+# Snakemake compares the times of files, the params and the script of a job with those of its last
+# run. The functions here let it see all else: modules of the library, files of an older time, and
+# outputs that are missing in the middle.
+
+import functools
+
+from snakemake.iocontainers import Wildcards
+from velocal.io.identity import WHOLE_BYTES, identify
+from velocal.io.provenance import library_digest
+from velocal.study.files import given_files
+
+GIVEN = given_files(STUDY)
+
+
+def complete(rules):
+    """Give every rule of these files what is the same for all of them.
+
+    `library` is a digest of the library behind the script. Snakemake itself sees only a change of
+    the script, so this param is what lets a job run again after a change of a module.
+
+    `given` are digests of those inputs of a job that people hand over. Snakemake itself compares
+    only the times of files, so this param is what lets a job run again after `cp -p` or `rsync -t`
+    has put an older file there.
+
+    The environment says which packages the script needs. velocal must be installed in it too, as
+    environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
+    """
+    for each in rules:
+        script = (Path(str(each.basedir)) / (each.script or "")).resolve()
+        if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
+            each.set_params(library=library_digest(script), given=given_inputs(each))
+            each.conda_env = "../../environment.yml"
+
+
+def given_inputs(rule):
+    """Function of the wildcards that identifies the inputs of a rule that no rule makes.
+
+    Not a function of `input`: Snakemake does not remember params that depend on it.
+    """
+
+    def identities(wildcards):
+        paths = dict.fromkeys(map(str, rule.expand_input(wildcards)[0]))
+        return " ".join(f"{path}:{identity(path)}" for path in paths if path in GIVEN)
+
+    return identities
+
+
+@functools.cache
+def identity(path):
+    """Size and digest of a file; of a large one, of which only the ends are digested, its time too."""
+    found = identify(Path(path))
+    time = Path(path).stat().st_mtime_ns if found.bytes > WHOLE_BYTES else ""
+    return f"{found.bytes}:{found.digest}:{time}"
+
+
+def with_all_before(targets):
+    """Files, and every file that is made on the way to them.
+
+    A job that fails or is stopped leaves no output, and Snakemake forgets what it was made with.
+    While files that were once made from it are there, it would not be missed: the next run would
+    say "Nothing to be done", and results of before the change would pass for new ones.
+    """
+    found, open_ = {}, [*targets]
+    while open_:
+        path = open_.pop()
+        if isinstance(path, list):
+            open_ += path
+            continue
+        maker = next((rule for rule in workflow.rules if rule.is_producer(path)), None)
+        if maker is None or path in found:
+            continue
+        wildcards = Wildcards(fromdict=maker.get_wildcards(path))
+        found[path] = None
+        open_ += maker.expand_input(wildcards)[0]
+        open_ += maker.expand_output(wildcards)[0]
+    return list(found)

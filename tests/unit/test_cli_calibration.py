@@ -127,6 +127,26 @@ def test_convert_refuses_or_quantifies(files):
     )
 
 
+def test_the_calibration_of_another_model_is_refused(files):
+    """A Hi-Res has 16 lasers like a VLP-16; a JSON names its scanner."""
+    formats.write(files / "hires.yaml", unit("VLP-16-Hi-Res"))
+    with pytest.raises(VelocalError, match=r"angles of a VLP-16-Hi-Res(.|\n)*Hint: .*--scanner"):
+        formats.read_or_nominal(files / "hires.yaml", SCANNERS["VLP-16"])
+    with pytest.raises(VelocalError, match="angles of a VLP-16-Hi-Res"):
+        run("show", files / "hires.yaml", "--scanner", "VLP-16")
+    assert "VLP-16-Hi-Res" in run("show", files / "hires.yaml").stdout
+    formats.write(files / "32.yaml", unit("HDL-32E"))
+    with pytest.raises(VelocalError, match="angles of a HDL-32E"):
+        formats.read_or_nominal(files / "32.yaml", SCANNERS["VLP-32C"])
+    named = CalibrationFile(unit("HDL-32E"), "paper", "VLP-32C")
+    formats.write(files / "named.json", named)
+    with pytest.raises(VelocalError, match="is the calibration of a VLP-32C, not of a HDL-32E"):
+        formats.read_or_nominal(files / "named.json", SCANNERS["HDL-32E"])
+    # All series of the HDL-64E have the same lasers.
+    found = formats.read_or_nominal(files / "set.json", SCANNERS["HDL-64E-S3"])
+    assert len(found) == 64
+
+
 def test_diff(files):
     picture, table = files / "x.png", files / "x.csv"
     arguments = [files / "db.xml"] * 2 + ["--first", "manual", "--second", "ros"]

@@ -17,7 +17,7 @@ from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences,
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
-from velocal.calibration.lint import BY_LASERS
+from velocal.calibration.fit import check_fit, fitting
 from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import escape, print_json
 from velocal.errors import ConfigError
@@ -47,7 +47,7 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .y
 ScannerName = Annotated[
     str | None,
     typer.Option(
-        "--scanner", help=f"{', '.join(SCANNERS)}. Chosen by the number of lasers if left out."
+        "--scanner", help=f"{', '.join(SCANNERS)}. Told by the vertical angles if left out."
     ),
 ]
 Rate = Annotated[
@@ -246,8 +246,12 @@ def diff(
 
 
 def _read(file: Path, scanner: str | None) -> CalibrationFile:
-    n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
-    return formats.read_calibration(file, n_lasers)
+    if scanner is None:
+        return formats.read_calibration(file)
+    known = scanner_named(scanner, where="--scanner")
+    found = formats.read_calibration(file, known.n_lasers)
+    check_fit(found.parameters.v, known, str(file), found.scanner)
+    return found
 
 
 def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
@@ -255,8 +259,8 @@ def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) 
 
 
 def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
-    name = named or found.scanner or BY_LASERS.get(len(found.parameters))
-    return SCANNERS.get(name) if name else None
+    name = named or found.scanner
+    return SCANNERS.get(name) if name else next(fitting(found.parameters.v), None)
 
 
 def _ranges(text: str) -> tuple[float, ...]:

@@ -36,7 +36,8 @@ def max_point_distance(
     ranges_m : tuple of float
         Ranges corrected by the first's dl; both get the same raw distance.
     scanner : Scanner, optional
-        If given, azimuths are interpolated as each program does for it, at `rate_hz`.
+        If given, azimuths are interpolated as each program does for it, at `rate_hz`, and numbers
+        that a program ignores for it count as zero.
     rate_hz : float
         Rotation rate.
 
@@ -71,8 +72,11 @@ def max_point_distance(
         raw = np.maximum(range_m - first[1].dl, 0.0)[laser]
         xyz = []
         for dialect, parameters in (first, second):
-            phi = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
-            xyz.append(dialect.points(raw, phi, laser, parameters))
+            phi, numbers = azimuth, parameters
+            if scanner is not None:
+                phi = dialect.azimuths(azimuth, laser, scanner, rate_hz)
+                numbers = dialect.effective(parameters, scanner)
+            xyz.append(dialect.points(raw, phi, laser, numbers))
         between = np.linalg.norm(xyz[0] - xyz[1], axis=1)
         result.append(between.reshape(n_lasers, -1).max(axis=1))
     return np.array(result)
@@ -106,6 +110,8 @@ def incompatibilities(
         A clause for every reason; empty if the conversion is exact.
     """
     found = []
+    if scanner is not None:
+        parameters = source.effective(parameters, scanner)
     x, y = source.near(parameters)
     acts = (x != parameters.dl) | (y != parameters.dl)
     if acts.any() and source.two_point != target.two_point:
@@ -118,6 +124,10 @@ def incompatibilities(
         found.append(f"{target.name} ignores rotational corrections")
     if scanner is None:
         return found
+    if target.effective(parameters, scanner) is not parameters and any(
+        getattr(parameters, name).any() for name in ("dl", "voff", "hoff")
+    ):
+        found.append(f"{target.name} ignores distance corrections and offsets of a {scanner.name}")
     later = _delays_between(source, target, scanner)
     differently = f"{source.name} and {target.name} interpolate azimuths differently"
     if later is None:
@@ -188,6 +198,8 @@ def convert(
     """
     if source == target:
         return parameters
+    if scanner is not None:
+        parameters = source.effective(parameters, scanner)
     v, voff, near = parameters.v, parameters.voff, source.near(parameters)
     alpha = parameters.alpha if source.alpha else np.zeros_like(v)
     later = None if scanner is None else _delays_between(source, target, scanner)

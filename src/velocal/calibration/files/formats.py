@@ -187,8 +187,8 @@ def dialect_of(found: CalibrationFile, path: Path) -> Dialect:
 def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserParameters:
     """Read a calibration file of any format as parameters of equations (1) to (3).
 
-    Numbers that were written for another dialect are converted. Near-point corrections of the
-    manufacturer are carried, but not part of the model.
+    Numbers that were written for another dialect are converted. Near-point corrections are
+    carried in the manner of the manual, but are not part of the model.
 
     Parameters
     ----------
@@ -246,11 +246,16 @@ def _with_tick(found: CalibrationFile, tick_m: float, path: Path) -> Calibration
     return found
 
 
-def _of_model(found: CalibrationFile, path: Path) -> LaserParameters:
-    """Parameters of equations (1) to (3)."""
+def _of_model(
+    found: CalibrationFile, path: Path, scanner: Scanner | None = None
+) -> LaserParameters:
+    """Parameters of equations (1) to (3), with near-point corrections as the manual has them."""
     if found.dialect is None:
         return found.parameters
-    return convert(found.parameters, dialect_of(found, path), PAPER, inexact=True)
+    source, parameters = dialect_of(found, path), found.parameters
+    near = any(bool((each != parameters.dl).any()) for each in source.near(parameters))
+    target = MANUAL if near else PAPER
+    return convert(parameters, source, target, scanner=scanner, inexact=True)
 
 
 def write(path: Path, found: CalibrationFile | LaserParameters) -> None:
@@ -290,4 +295,4 @@ def read_or_nominal(path: Path | None, scanner: Scanner) -> LaserParameters:
     CalibrationFileError
         As `read_for`.
     """
-    return nominal(scanner) if path is None else _of_model(read_for(path, scanner), path)
+    return nominal(scanner) if path is None else _of_model(read_for(path, scanner), path, scanner)

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from typer.testing import CliRunner
 from unit.test_lint import unit
 
@@ -125,6 +126,59 @@ def test_convert_refuses_or_quantifies(files):
     np.testing.assert_array_equal(
         formats.read_calibration(files / "same.yaml").parameters.dl, unit().dl
     )
+
+
+def test_a_list_filled_up_to_64_has_the_lasers_that_it_has(files):
+    """As the YAML of a 32-laser scanner made from a db.xml: 32 entries of zeros follow."""
+    formats.write(files / "p.yaml", unit("HDL-32E"))
+    document = yaml.safe_load((files / "p.yaml").read_text())
+    empty = dict.fromkeys(document["lasers"][0], 0.0) | {"max_intensity": 255}
+    document["lasers"] += [empty | {"laser_id": laser} for laser in range(32, 64)]
+    document["num_lasers"] = 64
+    (files / "p.yaml").write_text(yaml.safe_dump(document))
+    facts = json.loads(run("show", files / "p.yaml", "--json").stdout)
+    assert (facts["lasers"], facts["scanner"]) == (32, "HDL-32E")
+    assert run("lint", files / "p.yaml").exit_code == 0
+
+
+def test_lasers_that_are_turned_off_are_named(files):
+    text = (files / "db.xml").read_text()
+    for _ in range(32):  # as a file of which only the upper block is used
+        head, tail = text.split("</enabled_>")
+        before, after = head.rsplit("<item>1", 1)
+        text = f"{before}<item>0{after}</enabled_>{tail}"
+    (files / "off.xml").write_text(text)
+    done = run("lint", files / "off.xml")
+    assert re.search("disabled: laser 32, 33, .*: turned off by enabled_", done.stdout)
+    done = run("convert", files / "off.xml", files / "off.yaml", "--to", "manual")
+    assert "32 lasers" in done.stdout
+    assert re.search(r"Left out, as off.xml turns them off: laser 32, 33, .*, 63\n", done.stdout)
+    assert re.search(r"turned off +laser 32, 33", run("show", files / "off.xml").stdout)
+    with pytest.raises(VelocalError, match="set enabled_ to 1 to use them"):
+        formats.read_or_nominal(files / "off.xml", SCANNERS["HDL-64E"])
+
+
+@pytest.mark.parametrize("name", SCANNERS)
+def test_files_are_called_what_they_are(files, name):
+    """A file of 32 lasers was an HDL-32E, one of 128 nothing."""
+    formats.write(files / "a.yaml", unit("HDL-64E" if "HDL-64E" in name else name))
+    shown = json.loads(run("show", files / "a.yaml", "--json").stdout)["scanner"]
+    assert shown == ("HDL-64E" if "HDL-64E" in name else name)
+
+
+def test_a_tick_of_7_mm_is_shown_and_converted(files):
+    whole = CalibrationFile(unit("VLS-128"), tick_m=0.007)
+    formats.write(files / "a.xml", whole)
+    assert re.search(r"distance tick +7 mm", run("show", files / "a.xml").stdout)
+    run("convert", files / "a.xml", files / "a.json")
+    assert formats.read_calibration(files / "a.json").tick_m == 0.007
+    assert "tick is 0.007 m" in run("lint", files / "a.xml").stdout
+
+
+def test_the_ros_driver_ignores_distances_and_offsets_of_a_vls128(files):
+    formats.write(files / "a.json", CalibrationFile(unit("VLS-128"), "paper", "VLS-128", 0.004))
+    with pytest.raises(VelocalError, match=r"ignores distance corrections.*VLS-128: .*2\.\d cm"):
+        run("convert", files / "a.json", files / "a.yaml")
 
 
 def test_the_calibration_of_another_model_is_refused(files):

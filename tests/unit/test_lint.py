@@ -299,6 +299,33 @@ def test_model_is_told_by_the_vertical_angles(tmp_path: Path) -> None:
         assert next(fitting(v + np.deg2rad(0.4))) is first  # as real units are off
 
 
+@pytest.mark.parametrize(
+    ("scanner", "key", "factor", "text"),
+    [
+        ("VLP-16-Hi-Res", "vert_offset_correction", 100.0, "centimetres for metres"),
+        ("HDL-32E", "vert_offset_correction", 0.01, "wrong unit"),
+        ("VLP-32C", "rot_correction", np.pi / 180.0, "wrong unit"),
+        ("VLP-32C", "vert_correction", np.pi / 180.0, "wrong unit"),
+        ("VLS-128", "rot_correction", 180.0 / np.pi, "degrees for radians"),
+    ],
+)
+def test_units_are_checked_for_every_scanner(tmp_path, scanner, key, factor, text):
+    path = tmp_path / "a.yaml"
+    formats.write(path, unit(scanner))
+    document = yaml.safe_load(path.read_text())
+    for laser in document["lasers"]:
+        laser[key] *= factor
+    path.write_text(yaml.safe_dump(document))
+    assert [each for each in lint(path, SCANNERS[scanner]) if re.search(text, each.text)]
+
+
+def test_small_corrections_of_other_scanners_are_no_fault(tmp_path: Path) -> None:
+    """The distance corrections of an HDL-64E are a metre; a VLS-128 has none, or millimetres."""
+    refined = unit("VLS-128").corrected({"dl": np.linspace(0.001, 0.01, 128)})
+    formats.write(tmp_path / "a.csv", refined)
+    assert lint(tmp_path / "a.csv") == []
+
+
 @pytest.mark.parametrize("scanner", SCANNERS)
 def test_vertical_offsets_left_out_are_named(tmp_path: Path, scanner: str) -> None:
     path, whole = tmp_path / "a.yaml", unit("HDL-64E" if "HDL-64E" in scanner else scanner)

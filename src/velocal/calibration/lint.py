@@ -100,6 +100,12 @@ def _document(document: Document) -> Iterator[Finding]:
         yield Finding("tick", f"{error.what}; 0.002 m, or 0.004 m for a VLP-32C or VLS-128")
     if document.dialect is not None and document.dialect not in DIALECTS:
         yield Finding("dialect", f"unknown dialect {document.dialect!r}")
+    if document.disabled:
+        yield Finding(
+            "disabled",
+            f"laser {_listed(list(document.disabled))}: turned off by enabled_, but with values, "
+            "which programs leave out",
+        )
     if document.stated is not None and document.stated != len(document.lasers):
         yield Finding(
             "count", f"num_lasers is {document.stated}, but there are {len(document.lasers)}"
@@ -175,9 +181,12 @@ def _units(
     known = columns["v"][np.isfinite(columns["v"])]
     if len(known) > 8 and 0.0 < (spread := np.ptp(known)) < np.deg2rad(2.0):
         yield Finding("angle", f"{document.keys['v'][0]} spans {spread:.2g} rad: wrong unit")
-    if len(ids) >= 64 and 0.0 < size["alpha"].max() < np.deg2rad(0.5):
+    turned = scanner is not None and bool(scanner.rotational_rad.any())
+    if turned and 0.0 < size["alpha"].max() < np.deg2rad(0.5):
         yield Finding("angle", f"{document.keys['alpha'][0]} is within 0.5 deg: wrong unit")
-    limits = {"dl": 10.0, "voff": 1.0, "hoff": 0.5, "focal_distance": 100.0}
+    design = _design_m(scanner) if scanner and scanner.n_lasers == len(ids) else {}
+    heights_m = min(1.0, 10.0 * design.get("voff", 1.0))
+    limits = {"dl": 10.0, "voff": heights_m, "hoff": 0.5, "focal_distance": 100.0}
     for name, limit in (limits | dict.fromkeys(NEAR_POINT, 10.0)).items():
         if (big := size[name] > limit).any():
             key, unit = document.keys[name]
@@ -185,10 +194,21 @@ def _units(
                 "centimetres for metres" if unit == UNCHANGED else "millimetres for centimetres"
             )
             yield Finding("length", f"{key} of {_of(ids, big)} is beyond {limit:g} m: {larger}")
-    for name, limit in {"dl": 0.05, "voff": 0.005, "hoff": 0.001}.items():
-        largest = size[name].max()
-        if len(ids) >= 64 and 0.0 < largest < limit:
-            yield Finding("length", f"{document.keys[name][0]} is within {limit:g} m: wrong unit?")
+    for name, usual in design.items():
+        largest, limit = size[name].max(), usual / 25.0
+        if 0.0 < largest < limit:
+            key = document.keys[name][0]
+            yield Finding("length", f"{key} is within {limit:.2g} m: wrong unit?")
+
+
+def _design_m(scanner: Scanner) -> dict[str, float]:
+    """Largest length of every kind by which a wrong unit shows, where the scanner has any."""
+    sizes = {
+        "dl": 1.25 if scanner.has_factory_file else 0.0,
+        "voff": float(np.abs(scanner.vertical_offset_m).max()),
+        "hoff": float(np.abs(scanner.horizontal_offset_m).max()),
+    }
+    return {name: size for name, size in sizes.items() if size}
 
 
 def _distances(

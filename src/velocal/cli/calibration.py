@@ -74,6 +74,7 @@ def show(
         "scanner": known.name if known else "unknown",
         "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
         "distance tick": f"{1000 * found.tick_m:g} mm",
+        "turned off": _listed(found),
         "provenance": dict(found.provenance),
     }
     if as_json:
@@ -176,10 +177,13 @@ def convert_file(
         dialect=after.name,
         scanner=known.name if known else None,
         provenance=provenance,
+        disabled=(),
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
     print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
+    if found.disabled:
+        print(f"Left out, as {source.name} turns them off: {_listed(found)}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
         print(differences(found.parameters, before, parameters, after, known, rate))
@@ -252,6 +256,12 @@ def _read(file: Path, scanner: str | None) -> CalibrationFile:
     found = formats.read_calibration(file, known.n_lasers)
     check_fit(found.parameters.v, known, str(file), found.scanner)
     return found
+
+
+def _listed(found: CalibrationFile) -> str:
+    """Lasers that the file turns off although it has values of them."""
+    numbers = ", ".join(map(str, found.disabled))
+    return f"laser {numbers}" if numbers else ""
 
 
 def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:

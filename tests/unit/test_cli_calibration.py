@@ -111,12 +111,10 @@ def test_convert_keeps_what_is_known(files):
 
 def test_convert_refuses_or_quantifies(files):
     with pytest.raises(VelocalError, match=r"near-point.* 80 m(.|\n)*Hint: .*--inexact"):
-        run("convert", files / "db.xml", files / "a.yaml")
-    assert not (files / "a.yaml").exists()
-    done = run("convert", files / "db.xml", files / "a.yaml", "--inexact")
-    assert re.search(
-        r"points differ by up to 0\.0 cm at 3 m.* [1-9]\d*\.\d cm at 80 m", done.stdout
-    )
+        run("convert", files / "db.xml", files / "a.csv")
+    assert not (files / "a.csv").exists()
+    done = run("convert", files / "db.xml", files / "a.csv", "--inexact")
+    assert re.search(r"points differ by up to [1-9]\.\d cm at 3 m .* 0\.0 cm at 80 m", done.stdout)
     to = files / "d.yml", "--to", "velodyne_decoder"
     with pytest.raises(VelocalError, match=r"interpolate azimuths differently(.|\n)*--rate-hz"):
         run("convert", files / "set.json", *to)
@@ -199,6 +197,24 @@ def test_the_calibration_of_another_model_is_refused(files):
     # All series of the HDL-64E have the same lasers.
     found = formats.read_or_nominal(files / "set.json", SCANNERS["HDL-64E-S3"])
     assert len(found) == 64
+
+
+def test_a_factory_file_for_ros_is_written_and_what_differs_is_said(files):
+    """The manual and the ROS driver read the same two points; beyond 25 m ROS extrapolates them."""
+    done = run("convert", files / "db.xml", files / "a.yaml")
+    assert done.exit_code == 0
+    assert "beyond 25 m ros extrapolates near-point corrections" in done.stdout
+    far = re.search(r"0\.0 cm at 3 m.* ([1-9]\d*\.\d) cm at 80 m \(laser (\d+)\)", done.stdout)
+    found = formats.read_calibration(files / "a.yaml")
+    assert found.dialect == "ros"
+    pair = (DIALECTS["manual"], unit()), (DIALECTS["ros"], found.parameters)
+    apart = max_point_distance(*pair, scanner=SCANNERS["HDL-64E"])
+    assert apart[:3].max() < 0.002
+    assert float(far[1]) == pytest.approx(100.0 * apart[3].max(), abs=0.05)
+    assert int(far[2]) == apart[3].argmax()
+    # With the program of the S2 manual it is exact, and nothing is said.
+    done = run("convert", files / "db.xml", files / "b.yaml", "--from", "manual_s2")
+    assert "differ" not in done.stdout
 
 
 def test_diff(files):

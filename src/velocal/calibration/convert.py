@@ -137,6 +137,48 @@ def incompatibilities(
     return found
 
 
+def near_points_differ(
+    parameters: LaserParameters,
+    source: Dialect,
+    target: Dialect,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
+) -> list[str]:
+    """What two programs do differently with near-point corrections, if that is all that differs.
+
+    Parameters
+    ----------
+    parameters, source, target, scanner, rate_hz
+        As for `incompatibilities`.
+
+    Returns
+    -------
+    list of str
+        Clauses that say where; empty if the conversion is exact, or if something else differs.
+    """
+    one, other = source.two_point, target.two_point
+    alike = replace(source, two_point=other)
+    if (
+        one is None
+        or other is None
+        or not incompatibilities(parameters, source, target, scanner, rate_hz)
+        or incompatibilities(parameters, alike, target, scanner, rate_hz)
+    ):
+        return []
+    found = []
+    nearer, farther = sorted((one.limit_m, other.limit_m))
+    if farther > 2.0 * nearer:
+        longer = target if other.limit_m > one.limit_m else source
+        found.append(f"beyond {nearer:.0f} m {longer.name} extrapolates near-point corrections")
+    elif farther != nearer:
+        found.append(f"near-point corrections end at {nearer:.2f} or {farther:.2f} m")
+    if one.with_offsets != other.with_offsets:
+        found.append("within it the offsets are part of the X and Y at which is interpolated")
+    if one.z != other.z:
+        found.append("Z gets another correction")
+    return found
+
+
 def _delays_between(source: Dialect, target: Dialect, scanner: Scanner) -> Array | None:
     """Time by which the target takes azimuths later, (n_lasers,); None if it is not known."""
     if scanner.firing_time_s is None and source.policy(scanner) is not target.policy(scanner):
@@ -283,7 +325,7 @@ def differences(
     Returns
     -------
     str
-        A clause with the largest distance at every range, centimetres.
+        A clause with the largest distance at every range, centimetres, and the laser.
 
     Raises
     ------
@@ -291,6 +333,10 @@ def differences(
         If the numbers of lasers differ.
     """
     pair = (source, parameters), (target, result)
-    sizes = max_point_distance(*pair, scanner=scanner, rate_hz=rate_hz).max(axis=1)
-    text = ", ".join(f"{100 * s:.1f} cm at {r:g} m" for r, s in zip(RANGES_M, sizes, strict=True))
+    apart = max_point_distance(*pair, scanner=scanner, rate_hz=rate_hz)
+    text = ", ".join(
+        f"{100 * each.max():.1f} cm at {range_m:g} m"
+        + (f" (laser {each.argmax()})" if each.max() > 5e-4 else "")
+        for range_m, each in zip(RANGES_M, apart, strict=True)
+    )
     return f"points differ by up to {text}" + (f" (at {rate_hz:g} Hz)" if scanner else "")

@@ -13,7 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences, max_point_distance
+from velocal.calibration.convert import (
+    RANGES_M,
+    RATE_HZ,
+    convert,
+    differences,
+    max_point_distance,
+    near_points_differ,
+)
 from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
@@ -145,9 +152,10 @@ def convert_file(
     """Write a calibration in another format, with the numbers that its reader needs.
 
     Programs compute points by different formulas ("dialects"). The numbers are converted such
-    that the reader of TARGET gets the points that SOURCE stands for; where that is impossible,
-    nothing is written unless --inexact is given. A dialect of the same name on both sides keeps
-    all numbers.
+    that the reader of TARGET gets the points that SOURCE stands for. Where two programs only
+    interpolate near-point corrections differently, as the manual and ROS do, TARGET is written and
+    the differences are printed. Where more is impossible, nothing is written unless --inexact is
+    given. A dialect of the same name on both sides keeps all numbers.
     """
     found = _read(source, scanner)
     before = _dialect(found, source, source_dialect, "--from")
@@ -161,6 +169,8 @@ def convert_file(
             hint="Write .json, which says what it holds.",
         )
     known = _scanner(found, scanner)
+    near = near_points_differ(found.parameters, before, after, known, rate_hz)
+    inexact = inexact or bool(near)
     parameters = convert(
         found.parameters, before, after, scanner=known, rate_hz=rate_hz, inexact=inexact
     )
@@ -186,6 +196,8 @@ def convert_file(
         print(f"Left out, as {source.name} turns them off: {_listed(found)}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
+        if near:
+            print(f"{after.name} is not {before.name}: {'; '.join(near)}")
         print(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
         print("Standard deviations belong to the other dialect and were left out")

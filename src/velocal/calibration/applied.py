@@ -60,24 +60,38 @@ class AppliedCalibration:
         effective = self.dialect.effective(self.parameters, self.scanner)
         return any(bool((near != effective.dl).any()) for near in self.dialect.near(effective))
 
-    def points(self, distance_m: Array, phi: Array, laser_id: NDArray[np.integer]) -> Array:
-        """Compute points as the program does, without the rounding of its azimuths.
+    def points(
+        self,
+        distance_m: Array,
+        phi: Array,
+        laser_id: NDArray[np.integer],
+        *,
+        rounded: bool = False,
+    ) -> Array:
+        """Compute points as the program does.
 
         Parameters
         ----------
         distance_m, phi : ndarray, shape (n,)
             Raw distance, metres, and rotational angle of the model, radians.
         laser_id : ndarray of int, shape (n,)
+        rounded : bool
+            Whether what is added to the azimuth of a firing is rounded as the program does.
 
         Returns
         -------
         ndarray, shape (n, 3)
             Scanner frame, metres.
         """
-        if not self.has_near_points:
+        if not self.has_near_points and not rounded:
             return beam.points(distance_m, phi, laser_id, self.model)
-        later = self.dialect.delays_s(self.scanner) - self.scanner.azimuth_delay_s
-        azimuth = phi + 2.0 * np.pi * self.rate_hz * later[laser_id]
+        turned = 2.0 * np.pi * self.rate_hz
+        added = turned * self.dialect.delays_s(self.scanner)[laser_id]
+        if rounded and self.dialect.rounds:
+            # Those of firings are whole ticks; their means in medians are not.
+            tick = np.deg2rad(AZIMUTH_TICK_DEG)
+            added = np.round(added / tick) * tick
+        azimuth = phi - turned * self.scanner.azimuth_delay_s[laser_id] + added
         effective = self.dialect.effective(self.parameters, self.scanner)
         return self.dialect.points(distance_m, azimuth, laser_id, effective)
 

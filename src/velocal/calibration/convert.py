@@ -274,18 +274,40 @@ def convert(
     return result
 
 
-def for_program(parameters: LaserParameters, dialect: str) -> LaserParameters:
+def depends_on_rate(source: Dialect, target: Dialect, scanner: Scanner) -> bool:
+    """Whether a conversion needs the rotation rate, since azimuths within firings differ.
+
+    Parameters
+    ----------
+    source, target : Dialect
+    scanner : Scanner
+    """
+    later = _delays_between(source, target, scanner)
+    return target.alpha and later is not None and bool(later.any())
+
+
+def for_program(
+    parameters: LaserParameters,
+    dialect: str,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
+) -> LaserParameters:
     """Numbers of a refined set for the program that computes by the dialect of that name.
 
     The set has one distance correction per laser, found at the ranges of its walls; so readers
     with a two-point correction get it for the near points too. Two differences remain: rotational
-    corrections that a program ignores, and azimuths that it interpolates in another way.
+    corrections that a program ignores, and, without a rate, azimuths that it interpolates in
+    another way.
 
     Parameters
     ----------
     parameters : LaserParameters
         Numbers of the dialect ``paper``.
     dialect : str
+    scanner : Scanner, optional
+    rate_hz : float, optional
+        Rotation rate of the recordings, at which a difference of the azimuths within a firing goes
+        into alpha.
 
     Returns
     -------
@@ -299,7 +321,8 @@ def for_program(parameters: LaserParameters, dialect: str) -> LaserParameters:
     DialectError
         If the dialect cannot express the vertical offset of a laser.
     """
-    return convert(parameters, PAPER, dialect_named(dialect), inexact=True)
+    target = dialect_named(dialect)
+    return convert(parameters, PAPER, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
 
 
 def differences(

@@ -17,11 +17,12 @@ from velocal.calibration.convert import (
     RANGES_M,
     RATE_HZ,
     convert,
+    depends_on_rate,
     differences,
     max_point_distance,
     near_points_differ,
 )
-from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
+from velocal.calibration.dialects import DIALECTS, PAPER, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.fit import check_fit, fitting
@@ -82,6 +83,7 @@ def show(
         "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
         "distance tick": f"{1000 * found.tick_m:g} mm",
         "turned off": _listed(found),
+        "rotation rate": f"{found.rotation_rate_hz:g} Hz" if found.rotation_rate_hz else "any",
         "provenance": dict(found.provenance),
     }
     if as_json:
@@ -169,6 +171,7 @@ def convert_file(
             hint="Write .json, which says what it holds.",
         )
     known = _scanner(found, scanner)
+    rate_hz = rate_hz or found.rotation_rate_hz
     near = near_points_differ(found.parameters, before, after, known, rate_hz)
     inexact = inexact or bool(near)
     parameters = convert(
@@ -188,6 +191,7 @@ def convert_file(
         scanner=known.name if known else None,
         provenance=provenance,
         disabled=(),
+        rotation_rate_hz=rate_hz if known and _turned(before, after, known) else None,
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
@@ -268,6 +272,13 @@ def _read(file: Path, scanner: str | None) -> CalibrationFile:
     found = formats.read_calibration(file, known.n_lasers)
     check_fit(found.parameters.v, known, str(file), found.scanner)
     return found
+
+
+def _turned(before: Dialect, after: Dialect, scanner: Scanner) -> bool:
+    """Whether the numbers of a program hold at one rotation rate, stated or that of the source."""
+    if before == after:
+        return depends_on_rate(PAPER, after, scanner)
+    return depends_on_rate(before, after, scanner) and depends_on_rate(PAPER, after, scanner)
 
 
 def _listed(found: CalibrationFile) -> str:

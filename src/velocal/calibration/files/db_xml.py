@@ -47,7 +47,7 @@ TAGS = {
 INTENSITIES = {"min_intensity": "minIntensity_", "max_intensity": "maxIntensity_"}
 KEYS: lasers.Keys = TAGS | {name: (tag, UNCHANGED) for name, tag in INTENSITIES.items()}
 #: The comment in which files of this project say which point formula their numbers belong to.
-DIALECT = re.compile(rb"<!-- velocal: for the point formula of (\w+) -->")
+DIALECT = re.compile(rb"<!-- velocal: for the point formula of (\w+)(?: at ([\d.]+) Hz)? -->")
 #: Known misspellings of tags (VLS-128 files).
 MISSPELT = {"horizOffsetCorection_": "horizOffsetCorrection_"}
 #: Lists are never shorter.
@@ -100,6 +100,7 @@ def parse(path: Path) -> Document:
         found,
         tick=("distLSB_", database.findtext("distLSB_"), METRES_PER_CENTIMETRE),
         dialect=stated[1].decode() if stated else None,
+        rotation_rate_hz=stated[2].decode() if stated and stated[2] else None,
         angle_hint=None,
         listed={tag: len(items) for tag, items in intensities.items() if items}
         | ({"enabled_": len(enabled)} if enabled else {}),
@@ -184,7 +185,8 @@ def write(path: Path, found: CalibrationFile) -> None:
         lines += _item(laser, row)
     lines += ["</points_>", "</DB>", "</boost_serialization>", ""]
     if found.dialect is not None:
-        lines.insert(-1, f"<!-- velocal: for the point formula of {found.dialect} -->")
+        rate = "" if found.rotation_rate_hz is None else f" at {found.rotation_rate_hz!r} Hz"
+        lines.insert(-1, f"<!-- velocal: for the point formula of {found.dialect}{rate} -->")
     storage.write_text(path, "\n".join(lines))
 
 

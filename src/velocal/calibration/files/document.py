@@ -41,6 +41,9 @@ CARRIED = {
 #: Hint of the formats in radians for a vertical angle beyond the vertical.
 DEGREES_HINT = "The file seems to hold degrees where radians are expected."
 
+#: Key of the rotation rate in files of this project, and the largest one that is believed.
+RATE_KEY, MAX_RATE_HZ = "rotation_rate_hz", 50.0
+
 _Key = TypeVar("_Key")
 #: Values of one laser by our names, metres and radians.
 Values = Mapping[str, float]
@@ -75,6 +78,9 @@ class CalibrationFile:
         Where the numbers come from: plain values for JSON.
     disabled : tuple of int
         Lasers that the file turns off although it has values of them (XML only).
+    rotation_rate_hz : float or None
+        Rotation rate for which the rotational angles are, where a program turns the azimuths within
+        a firing in another way than the model; None if they are for any rate.
     """
 
     parameters: LaserParameters
@@ -85,6 +91,7 @@ class CalibrationFile:
     covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
     provenance: Mapping[str, object] = field(default_factory=dict)
     disabled: tuple[int, ...] = ()
+    rotation_rate_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,8 @@ class Document:
     provenance : mapping of str to object
     disabled : tuple of int
         Lasers that are left out because the file turns them off, and that hold values.
+    rotation_rate_hz : object
+        Rotation rate that the file states, if it does.
     """
 
     path: Path
@@ -135,6 +144,7 @@ class Document:
     covariance: Mapping[tuple[str, str], str] = field(default_factory=dict)
     provenance: Mapping[str, object] = field(default_factory=dict)
     disabled: tuple[int, ...] = ()
+    rotation_rate_hz: object = None
 
 
 def is_filler(document_keys: Keys, entry: Mapping[str, object]) -> bool:
@@ -373,7 +383,20 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         covariance=_columns(ordered, "covariance", document.covariance, path),
         provenance=document.provenance,
         disabled=document.disabled,
+        rotation_rate_hz=_rate_hz(document),
     )
+
+
+def _rate_hz(document: Document) -> float | None:
+    if document.rotation_rate_hz is None:
+        return None
+    where = str(document.path)
+    found = number(document.rotation_rate_hz, RATE_KEY, where)
+    if not 0.0 < found <= MAX_RATE_HZ:
+        raise CalibrationFileError(
+            f"{RATE_KEY} is {found:g}", where=where, allowed=f"above 0, up to {MAX_RATE_HZ:g} Hz"
+        )
+    return found
 
 
 def _columns(

@@ -255,7 +255,8 @@ def _of_model(
     source, parameters = dialect_of(found, path), found.parameters
     near = any(bool((each != parameters.dl).any()) for each in source.near(parameters))
     target = MANUAL if near else PAPER
-    return convert(parameters, source, target, scanner=scanner, inexact=True)
+    rate_hz = found.rotation_rate_hz
+    return convert(parameters, source, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
 
 
 def write(path: Path, found: CalibrationFile | LaserParameters) -> None:

@@ -82,6 +82,7 @@ def parse(path: Path) -> Document:
         tick=("distance_resolution", document.get("distance_resolution"), UNCHANGED),
         stated=stated,
         dialect=None if dialect is None else str(dialect),
+        rotation_rate_hz=document.get(lasers.RATE_KEY),
     )
 
 
@@ -89,8 +90,8 @@ def write(path: Path, found: CalibrationFile) -> None:
     """Write all the keys that drivers ask for.
 
     Where the set carries no flag, it is set as the ROS driver's converter of XML does: where both
-    near-point corrections are other than zero. The dialect stands under a key that no reader asks
-    for.
+    near-point corrections are other than zero. The dialect and the rotation rate stand under keys
+    that no reader asks for.
 
     Parameters
     ----------
@@ -117,6 +118,8 @@ def write(path: Path, found: CalibrationFile) -> None:
     }
     if found.dialect is not None:
         document["dialect"] = found.dialect
+    if found.rotation_rate_hz is not None:
+        document[lasers.RATE_KEY] = found.rotation_rate_hz
     storage.write_text(path, yaml.safe_dump(document, default_flow_style=False))
 
 

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from velocal import __version__
 from velocal.calibration.files import formats
 from velocal.chain import calibrate_unit
@@ -14,7 +16,7 @@ from velocal.io.scripts import run
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.study.adjustment import Joint
-from velocal.study.outputs import Export
+from velocal.study.outputs import DECODER, Export
 from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 
@@ -29,6 +31,7 @@ def main(
     json: Path,
     yaml: Path,
     xml: Path,
+    decoder: Path,
     judged: Path,
     lasers: Path,
     hold_out: Path,
@@ -46,11 +49,12 @@ def main(
     known = scanner_named(scanner)
     factory = formats.read_or_nominal(calibration, known)
     stations = {station.position: station for station in map(read_station, surveys)}
-    recordings = []
+    recordings, rates_hz = [], []
     for path, position in zip(medians, positions, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
         beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
         recordings.append((beams, stations[position]))
+        rates_hz.append(facts["rotation_rate_hz"])
     found = calibrate_unit(
         recordings,
         factory,
@@ -64,8 +68,11 @@ def main(
     }
     for path in (csv, json):
         formats.write(path, as_file(found, known, {"velocal": __version__, **sources}))
-    for path, program in ((yaml, export.yaml), (xml, export.xml)):
-        write_calibration(path, found, known, program=program, distance=export.distance)
+    rate_hz = round(float(np.median(rates_hz)), 3)
+    for path, program in ((yaml, export.yaml), (xml, export.xml), (decoder, DECODER)):
+        write_calibration(
+            path, found, known, program=program, distance=export.distance, rate_hz=rate_hz
+        )
     storage.write_json(judged, to_plain(found))
     table: dict[str, Any] = {**found.unit.calibration.to_columns()}
     shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)

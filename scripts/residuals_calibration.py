@@ -26,6 +26,7 @@ def main(
     scanner: str,
     unit: str,
     sigma_cm: float,
+    near_points: bool,
 ) -> None:
     """Write s of every median as Parquet and its statistics per laser as CSV.
 
@@ -43,15 +44,16 @@ def main(
             CalibrationSet.from_columns(storage.read_csv(adjusted), factory).adjusted,
         )
     )
-    xyz = points(data.distance_m, data.phi, data.laser_id, factory).T
+    before = Candidate(Role.FACTORY, factory, "", near_points)
+    corrected = before.observed(data)
+    xyz = points(corrected.distance_m, data.phi, data.laser_id, factory).T
     rows = {name: columns[name] for name in ("laser_id", "plane")}
     rows |= dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True))
-    rows |= {"before_m": data.misclosure(factory), "after_m": data.misclosure(after.parameters)}
+    rows |= {"before_m": before.misclosure(data), "after_m": after.misclosure(data)}
     storage.write_table(residuals, schemas.RESIDUALS, rows, **facts)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "calibration"}
     heading |= {ROTATIONS_FROM: "window"}
-    candidates = [Candidate(Role.FACTORY, factory), after]
-    table = statistics_table(heading, candidates, data, sigma_cm * 1e-2)
+    table = statistics_table(heading, [before, after], data, sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 
 

@@ -38,6 +38,7 @@ def main(
     units: list[str],
     limits: AssignmentLimits,
     validation: Validation,
+    near_points: bool,
 ) -> None:
     """Write the statistics per laser as CSV; sets are the files of `candidates` in order."""
     known, source = scanner_named(scanner), SourceFilter(port, address)
@@ -53,7 +54,7 @@ def main(
     data = station.observations(rows)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     sets_by_name = dict(zip(candidates, parameters, strict=True))
-    compared = with_sets(factory, sets_by_name, units)
+    compared = with_sets(factory, sets_by_name, units, near_points=near_points)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
     heading |= {ROTATIONS_FROM: single.origin}
     table = statistics_table(heading, compared, data, validation.sigma_cm * 1e-2)

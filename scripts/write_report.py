@@ -41,6 +41,7 @@ def main(
     surveys: list[Path],
     checks: Path | None,
     sets: list[Path],
+    exports: list[Path],
     pictures: list[Path],
     numbers: list[Path],
     certificate: Path | None,
@@ -69,7 +70,7 @@ def main(
     """Write the report; whatever is missing or empty has no section.
 
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
-    `numbers` of `figures`, `sets` of `set_scanners` and `set_names`, `factories` of
+    `numbers` of `figures`, `sets` and `exports` of `set_scanners` and `set_names`, `factories` of
     `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
     `field_samples`, `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
     """
@@ -77,6 +78,7 @@ def main(
     columns: dict[str, dict[str, Any]] = {}
     for scanner, name, path in zip(set_scanners, set_names, sets, strict=True):
         columns.setdefault(scanner, {})[name] = storage.read_csv(path)
+    of_sets = zip(set_scanners, set_names, exports, strict=True)
     compared = _optional(agreement)
     drawn = zip(figures.items(), pictures, numbers, strict=True)
     study = report.Study(
@@ -99,6 +101,7 @@ def main(
         surveys=[storage.read_json(path) for path in surveys],
         warnings=read_findings(checks) if checks else (),
         sets=columns,
+        exports={(scanner, name): _frame(path) for scanner, name, path in of_sets},
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },

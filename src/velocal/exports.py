@@ -11,8 +11,8 @@ import numpy as np
 
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.unit.result import UnitCalibration
-from velocal.calibration.convert import convert, for_program
-from velocal.calibration.dialects import MANUAL, NEAR_X_M, NEAR_Y_M, dialect_named
+from velocal.calibration.convert import convert, depends_on_rate, for_program
+from velocal.calibration.dialects import MANUAL, NEAR_X_M, NEAR_Y_M, PAPER, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.evaluation.holdout import JudgedCalibration
@@ -107,6 +107,7 @@ def write_calibration(
     *,
     program: str | None = None,
     distance: Distance = "safe",
+    rate_hz: float | None = None,
 ) -> None:
     """Write a calibration file; the suffix of its name decides the format.
 
@@ -126,6 +127,10 @@ def write_calibration(
     distance : {"safe", "single"}
         What a program gets that cannot fade the correction of the distance to that of the factory
         at long range; see `for_driver`.
+    rate_hz : float, optional
+        Rotation rate of the recordings. Some programs turn azimuths within a firing in another way
+        than the model (VeloView those of an HDL-64E: 22 cm at 80 m and 10 Hz); the file is then
+        made for this rate, and says so.
 
     Raises
     ------
@@ -149,11 +154,19 @@ def write_calibration(
         formats.write(Path(path), as_file(calibration, known))
         return
     if isinstance(calibration, JudgedCalibration):
-        converted = for_driver(calibration, name, distance)
+        converted = for_driver(calibration, name, distance, known, rate_hz)
     else:
         given = calibration.adjusted if isinstance(calibration, CalibrationSet) else calibration
-        converted = for_program(given, name)
-    formats.write(Path(path), CalibrationFile(converted, name, known.name, known.distance_tick_m))
+        converted = for_program(given, name, known, rate_hz)
+    turned = rate_hz is not None and depends_on_rate(PAPER, dialect_named(name), known)
+    stated = CalibrationFile(
+        converted,
+        name,
+        known.name,
+        known.distance_tick_m,
+        rotation_rate_hz=rate_hz if turned else None,
+    )
+    formats.write(Path(path), stated)
 
 
 def fades(dialect: str) -> bool:
@@ -194,7 +207,13 @@ def with_near_points(unit: UnitCalibration) -> LaserParameters:
     return replace(factory, alpha=adjusted.alpha, v=adjusted.v, carried=carried)
 
 
-def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> LaserParameters:
+def for_driver(
+    found: JudgedCalibration,
+    dialect: str,
+    distance: Distance,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
+) -> LaserParameters:
     """Parameters of a calibration for a program.
 
     Scanners with a two-point file have a correction of the distance that the factory found at the
@@ -210,6 +229,9 @@ def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> La
         For a program that cannot do this: "safe" leaves the distance corrections of the factory,
         which are not worse than before at any range; "single" gives one correction per laser,
         which is right at the ranges of the calibration and wrong at long range.
+    scanner : Scanner, optional
+    rate_hz : float, optional
+        Rotation rate of the recordings; see `write_calibration`.
 
     Returns
     -------
@@ -225,15 +247,16 @@ def for_driver(found: JudgedCalibration, dialect: str, distance: Distance) -> La
     """
     target, unit = dialect_named(dialect), found.unit
     factory, adjusted = unit.calibration.initial, unit.calibration.adjusted
+
+    def converted(parameters: LaserParameters) -> LaserParameters:
+        return convert(parameters, MANUAL, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
+
     if not found.recommended:
-        return convert(factory, MANUAL, target, inexact=True)
-    if unit.far_point_m is None:
-        return for_program(found.single, dialect)
-    if not fades(dialect) and distance == "single":
-        return for_program(found.single, dialect)
+        return converted(factory)
+    if unit.far_point_m is None or (not fades(dialect) and distance == "single"):
+        return for_program(found.single, dialect, scanner, rate_hz)
     # Near points of the factory that were left out must not be replaced: they may be right.
     none = all((each == factory.dl).all() for each in MANUAL.near(factory))
     if fades(dialect) and (none or found.near_m.any()):
-        return convert(with_near_points(unit), MANUAL, target, inexact=True)
-    turned = replace(factory, alpha=adjusted.alpha, v=adjusted.v)
-    return convert(turned, MANUAL, target, inexact=True)
+        return converted(with_near_points(unit))
+    return converted(replace(factory, alpha=adjusted.alpha, v=adjusted.v))

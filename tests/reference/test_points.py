@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from reference.test_recordings import (
     CASES,
+    nominal_yaml,
     sound_payloads,
     velodyne_decoder_points,
-    without_offsets,
 )
 from typer.testing import CliRunner
 from unit.test_points import read_ply
@@ -24,7 +24,7 @@ def test_a_written_file_agrees_with_velodyne_decoder(name, file, nearer_m, share
     rows = read_ply(out)
     ours = np.column_stack([rows[axis] for axis in "xyz"]).astype(float)
     payloads, scanner = sound_payloads(path), SCANNERS[name]
-    theirs = velodyne_decoder_points(payloads, scanner, without_offsets(scanner))
+    theirs = velodyne_decoder_points(payloads, scanner, nominal_yaml(scanner))
     assert len(ours) == len(theirs)
     apart = ours - theirs
     # Single precision at 130 m, on both sides.

@@ -120,7 +120,7 @@ def veloview_parameters(shared):
         for laser in ElementTree.parse(path).iter("px")
     }
     angles = np.deg2rad([vertical[laser] for laser in range(32)])
-    return replace(parameters.nominal(SCANNERS["HDL-32E"]), v=angles)
+    return replace(parameters.nominal(SCANNERS["HDL-32E"]), v=angles, voff=np.zeros(32))
 
 
 @pytest.fixture(scope="module")
@@ -316,8 +316,7 @@ def test_both_returns(dual, tmp_path):
 # - Its azimuths are another formula: the turn until the laser fires is the median step of the
 #   packet times its share of the firing, rounded to 0.01 degree; here it is the rate of the
 #   rotation times the delay, and not rounded.
-# - Its ranges, vertical angles and offsets (along Z) are the formula used here; but its own
-#   calibrations give every laser an offset that the manuals do not have (up to 17 mm and 11 mm).
+# - Its ranges, vertical angles and offsets (along Z) are those used here.
 # Its axes are those of ROS: X forward, Y left.
 
 
@@ -339,11 +338,18 @@ def velodyne_decoder_points(payloads, scanner, calibration) -> np.ndarray:
     return np.column_stack([-left, forward, up])
 
 
-def without_offsets(scanner) -> str:
+def nominal_yaml(scanner) -> str:
     """The nominal calibration of this project as a file that velodyne-decoder reads."""
     lasers = [
-        {"laser_id": k, "rot_correction": 0.0, "vert_correction": float(v)}
-        for k, v in enumerate(scanner.vertical_rad)
+        {
+            "laser_id": k,
+            "rot_correction": 0.0,
+            "vert_correction": float(v),
+            "vert_offset_correction": float(voff),
+        }
+        for k, (v, voff) in enumerate(
+            zip(scanner.vertical_rad, scanner.vertical_offset_m, strict=True)
+        )
     ]
     return yaml.safe_dump(
         {"distance_resolution": 0.002, "num_lasers": len(lasers), "lasers": lasers}
@@ -386,7 +392,7 @@ def test_points_agree_with_velodyne_decoder(name, file, nearer_m, shared):
     payloads = sound_payloads(path)
     azimuth, laser, distance = flat(payloads, scanner)
     kept = distance > 0
-    theirs = velodyne_decoder_points(payloads, scanner, without_offsets(scanner))
+    theirs = velodyne_decoder_points(payloads, scanner, nominal_yaml(scanner))
     phi = beam_model.angle_from_ticks(
         azimuth[kept], laser[kept], scanner, 2 * np.pi * inspect(path).index.rate_hz()
     )
@@ -401,7 +407,10 @@ def test_points_agree_with_velodyne_decoder(name, file, nearer_m, shared):
 
 @CASES
 def test_velodyne_decoder_with_its_own_calibration(name, file, nearer_m, shared):
-    """Its vertical offsets are set along Z, as in equation (2), whatever the vertical angle."""
+    """Its vertical offsets are the nominal ones, set along Z as in equation (2).
+
+    Its vertical angles are those of the manual's table, rounded to 0.01 degrees.
+    """
     vd = pytest.importorskip("velodyne_decoder")
     path = shared / "recordings" / file
     scanner = SCANNERS[name]
@@ -412,17 +421,33 @@ def test_velodyne_decoder_with_its_own_calibration(name, file, nearer_m, shared)
     text = vd.Calibration.default_calibs[model].to_string()
     lasers = sorted(yaml.safe_load(text)["lasers"], key=lambda item: item["laser_id"])
     its_own = replace(
-        parameters.nominal(scanner),
-        v=np.array([item["vert_correction"] for item in lasers]),
-        voff=np.array([item["vert_offset_correction"] for item in lasers]),
+        parameters.nominal(scanner), v=np.array([item["vert_correction"] for item in lasers])
     )
-    assert np.abs(its_own.voff).max() > 0.01
     phi = beam_model.angle_from_ticks(
         azimuth[kept], laser[kept], scanner, 2 * np.pi * inspect(path).index.rate_hz()
     )
     metres = beam_model.distance_from_ticks(distance[kept], 0.002)
     ours = beam_model.points(metres, phi, laser[kept], its_own)
     assert_agree(ours, velodyne_decoder_points(payloads, scanner, None), nearer_m)
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        ("HDL-32E", "HDL32E"),
+        ("VLP-16", "VLP16"),
+        ("VLP-16-Hi-Res", "PuckHiRes"),
+        ("VLP-32C", "VLP32C"),
+        ("VLS-128", "VLS128"),
+    ],
+)
+def test_nominal_offsets_are_those_of_velodyne_decoder(name, model):
+    """Within single precision; it read the same drawings."""
+    vd = pytest.importorskip("velodyne_decoder")
+    text = vd.Calibration.default_calibs[getattr(vd.Model, model)].to_string()
+    lasers = sorted(yaml.safe_load(text)["lasers"], key=lambda item: item["laser_id"])
+    found = [item["vert_offset_correction"] for item in lasers]
+    np.testing.assert_allclose(found, SCANNERS[name].vertical_offset_m, rtol=0, atol=5e-9)
 
 
 # Scanners of which there is no real recording: packets made here, decoded by both.
@@ -473,9 +498,10 @@ def test_made_packets_agree_with_velodyne_decoder(name, dual):
         theirs.append(np.column_stack([np.hypot(*cloud[:, :2].T), cloud[:, 2]]))
         firings = decode(payloads[number : number + 1], scanner)
         metres = beam_model.distance_from_ticks(firings.distance, scanner.distance_tick_m)
-        v = scanner.vertical_rad[firings.laser_id()]
-        kept = firings.distance > 0
-        points = np.column_stack([(metres * np.cos(v))[kept], (metres * np.sin(v))[kept]])
+        laser, kept = firings.laser_id(), firings.distance > 0
+        v = scanner.vertical_rad[laser]
+        voff = 0.0 if scanner.paired else scanner.vertical_offset_m[laser]
+        points = np.column_stack([(metres * np.cos(v))[kept], (metres * np.sin(v) + voff)[kept]])
         ours.append(points)
     for mine, other in zip(ours, theirs, strict=True):
         mine, other = (np.unique(points.round(3), axis=0) for points in (mine, other))

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from typer.testing import CliRunner
 from unit.test_lint import unit
 
@@ -110,12 +111,10 @@ def test_convert_keeps_what_is_known(files):
 
 def test_convert_refuses_or_quantifies(files):
     with pytest.raises(VelocalError, match=r"near-point.* 80 m(.|\n)*Hint: .*--inexact"):
-        run("convert", files / "db.xml", files / "a.yaml")
-    assert not (files / "a.yaml").exists()
-    done = run("convert", files / "db.xml", files / "a.yaml", "--inexact")
-    assert re.search(
-        r"points differ by up to 0\.0 cm at 3 m.* [1-9]\d*\.\d cm at 80 m", done.stdout
-    )
+        run("convert", files / "db.xml", files / "a.csv")
+    assert not (files / "a.csv").exists()
+    done = run("convert", files / "db.xml", files / "a.csv", "--inexact")
+    assert re.search(r"points differ by up to [1-9]\.\d cm at 3 m .* 0\.0 cm at 80 m", done.stdout)
     to = files / "d.yml", "--to", "velodyne_decoder"
     with pytest.raises(VelocalError, match=r"interpolate azimuths differently(.|\n)*--rate-hz"):
         run("convert", files / "set.json", *to)
@@ -125,6 +124,97 @@ def test_convert_refuses_or_quantifies(files):
     np.testing.assert_array_equal(
         formats.read_calibration(files / "same.yaml").parameters.dl, unit().dl
     )
+
+
+def test_a_list_filled_up_to_64_has_the_lasers_that_it_has(files):
+    """As the YAML of a 32-laser scanner made from a db.xml: 32 entries of zeros follow."""
+    formats.write(files / "p.yaml", unit("HDL-32E"))
+    document = yaml.safe_load((files / "p.yaml").read_text())
+    empty = dict.fromkeys(document["lasers"][0], 0.0) | {"max_intensity": 255}
+    document["lasers"] += [empty | {"laser_id": laser} for laser in range(32, 64)]
+    document["num_lasers"] = 64
+    (files / "p.yaml").write_text(yaml.safe_dump(document))
+    facts = json.loads(run("show", files / "p.yaml", "--json").stdout)
+    assert (facts["lasers"], facts["scanner"]) == (32, "HDL-32E")
+    assert run("lint", files / "p.yaml").exit_code == 0
+
+
+def test_lasers_that_are_turned_off_are_named(files):
+    text = (files / "db.xml").read_text()
+    for _ in range(32):  # as a file of which only the upper block is used
+        head, tail = text.split("</enabled_>")
+        before, after = head.rsplit("<item>1", 1)
+        text = f"{before}<item>0{after}</enabled_>{tail}"
+    (files / "off.xml").write_text(text)
+    done = run("lint", files / "off.xml")
+    assert re.search("disabled: laser 32, 33, .*: turned off by enabled_", done.stdout)
+    done = run("convert", files / "off.xml", files / "off.yaml", "--to", "manual")
+    assert "32 lasers" in done.stdout
+    assert re.search(r"Left out, as off.xml turns them off: laser 32, 33, .*, 63\n", done.stdout)
+    assert re.search(r"turned off +laser 32, 33", run("show", files / "off.xml").stdout)
+    with pytest.raises(VelocalError, match="set enabled_ to 1 to use them"):
+        formats.read_or_nominal(files / "off.xml", SCANNERS["HDL-64E"])
+
+
+@pytest.mark.parametrize("name", SCANNERS)
+def test_files_are_called_what_they_are(files, name):
+    """A file of 32 lasers was an HDL-32E, one of 128 nothing."""
+    formats.write(files / "a.yaml", unit("HDL-64E" if "HDL-64E" in name else name))
+    shown = json.loads(run("show", files / "a.yaml", "--json").stdout)["scanner"]
+    assert shown == ("HDL-64E" if "HDL-64E" in name else name)
+
+
+def test_a_tick_of_7_mm_is_shown_and_converted(files):
+    whole = CalibrationFile(unit("VLS-128"), tick_m=0.007)
+    formats.write(files / "a.xml", whole)
+    assert re.search(r"distance tick +7 mm", run("show", files / "a.xml").stdout)
+    run("convert", files / "a.xml", files / "a.json")
+    assert formats.read_calibration(files / "a.json").tick_m == 0.007
+    assert "tick is 0.007 m" in run("lint", files / "a.xml").stdout
+
+
+def test_the_ros_driver_ignores_distances_and_offsets_of_a_vls128(files):
+    formats.write(files / "a.json", CalibrationFile(unit("VLS-128"), "paper", "VLS-128", 0.004))
+    with pytest.raises(VelocalError, match=r"ignores distance corrections.*VLS-128: .*2\.\d cm"):
+        run("convert", files / "a.json", files / "a.yaml")
+
+
+def test_the_calibration_of_another_model_is_refused(files):
+    """A Hi-Res has 16 lasers like a VLP-16; a JSON names its scanner."""
+    formats.write(files / "hires.yaml", unit("VLP-16-Hi-Res"))
+    with pytest.raises(VelocalError, match=r"angles of a VLP-16-Hi-Res(.|\n)*Hint: .*--scanner"):
+        formats.read_or_nominal(files / "hires.yaml", SCANNERS["VLP-16"])
+    with pytest.raises(VelocalError, match="angles of a VLP-16-Hi-Res"):
+        run("show", files / "hires.yaml", "--scanner", "VLP-16")
+    assert "VLP-16-Hi-Res" in run("show", files / "hires.yaml").stdout
+    formats.write(files / "32.yaml", unit("HDL-32E"))
+    with pytest.raises(VelocalError, match="angles of a HDL-32E"):
+        formats.read_or_nominal(files / "32.yaml", SCANNERS["VLP-32C"])
+    named = CalibrationFile(unit("HDL-32E"), "paper", "VLP-32C")
+    formats.write(files / "named.json", named)
+    with pytest.raises(VelocalError, match="is the calibration of a VLP-32C, not of a HDL-32E"):
+        formats.read_or_nominal(files / "named.json", SCANNERS["HDL-32E"])
+    # All series of the HDL-64E have the same lasers.
+    found = formats.read_or_nominal(files / "set.json", SCANNERS["HDL-64E-S3"])
+    assert len(found) == 64
+
+
+def test_a_factory_file_for_ros_is_written_and_what_differs_is_said(files):
+    """The manual and the ROS driver read the same two points; beyond 25 m ROS extrapolates them."""
+    done = run("convert", files / "db.xml", files / "a.yaml")
+    assert done.exit_code == 0
+    assert "beyond 25 m ros extrapolates near-point corrections" in done.stdout
+    far = re.search(r"0\.0 cm at 3 m.* ([1-9]\d*\.\d) cm at 80 m \(laser (\d+)\)", done.stdout)
+    found = formats.read_calibration(files / "a.yaml")
+    assert found.dialect == "ros"
+    pair = (DIALECTS["manual"], unit()), (DIALECTS["ros"], found.parameters)
+    apart = max_point_distance(*pair, scanner=SCANNERS["HDL-64E"])
+    assert apart[:3].max() < 0.002
+    assert float(far[1]) == pytest.approx(100.0 * apart[3].max(), abs=0.05)
+    assert int(far[2]) == apart[3].argmax()
+    # With the program of the S2 manual it is exact, and nothing is said.
+    done = run("convert", files / "db.xml", files / "b.yaml", "--from", "manual_s2")
+    assert "differ" not in done.stdout
 
 
 def test_diff(files):

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import yaml
 
 from velocal.calibration.files import formats
+from velocal.calibration.fit import fitting
 from velocal.calibration.lint import lint
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters, nominal
@@ -283,14 +285,73 @@ def test_file_of_another_scanner(tmp_path: Path) -> None:
     assert found.text == "laser 32, 33, 34, 35, 36, 37, 38, 39 ...: the HDL-32E has 32"
 
 
+def test_model_is_told_by_the_vertical_angles(tmp_path: Path) -> None:
+    """Both models have 16 lasers, so that a file of the one is read for the other."""
+    path = tmp_path / "hires.yaml"
+    formats.write(path, unit("VLP-16-Hi-Res"))
+    (found,) = lint(path, SCANNERS["VLP-16"])
+    assert found.code == "scanner"
+    assert "VLP-16-Hi-Res, not of the VLP-16" in found.text
+    for name in SCANNERS:
+        v = SCANNERS[name].vertical_rad
+        first = next(fitting(v))
+        np.testing.assert_array_equal(first.vertical_rad, v)
+        assert next(fitting(v + np.deg2rad(0.4))) is first  # as real units are off
+
+
+@pytest.mark.parametrize(
+    ("scanner", "key", "factor", "text"),
+    [
+        ("VLP-16-Hi-Res", "vert_offset_correction", 100.0, "centimetres for metres"),
+        ("HDL-32E", "vert_offset_correction", 0.01, "wrong unit"),
+        ("VLP-32C", "rot_correction", np.pi / 180.0, "wrong unit"),
+        ("VLP-32C", "vert_correction", np.pi / 180.0, "wrong unit"),
+        ("VLS-128", "rot_correction", 180.0 / np.pi, "degrees for radians"),
+    ],
+)
+def test_units_are_checked_for_every_scanner(tmp_path, scanner, key, factor, text):
+    path = tmp_path / "a.yaml"
+    formats.write(path, unit(scanner))
+    document = yaml.safe_load(path.read_text())
+    for laser in document["lasers"]:
+        laser[key] *= factor
+    path.write_text(yaml.safe_dump(document))
+    assert [each for each in lint(path, SCANNERS[scanner]) if re.search(text, each.text)]
+
+
+def test_small_corrections_of_other_scanners_are_no_fault(tmp_path: Path) -> None:
+    """The distance corrections of an HDL-64E are a metre; a VLS-128 has none, or millimetres."""
+    refined = unit("VLS-128").corrected({"dl": np.linspace(0.001, 0.01, 128)})
+    formats.write(tmp_path / "a.csv", refined)
+    assert lint(tmp_path / "a.csv") == []
+
+
+@pytest.mark.parametrize("scanner", SCANNERS)
+def test_vertical_offsets_left_out_are_named(tmp_path: Path, scanner: str) -> None:
+    path, whole = tmp_path / "a.yaml", unit("HDL-64E" if "HDL-64E" in scanner else scanner)
+    formats.write(path, replace(whole, voff=np.zeros(len(whole))))
+    (found,) = lint(path)
+    assert found.code == "offsets"
+    nominal = 1e3 * SCANNERS[scanner].vertical_offset_m
+    assert f"from {nominal.min():.1f} to {nominal.max():.1f} mm" in found.text
+
+
 #: What is truly odd in real files.
+NO_OFFSETS = "vert.* is zero for every laser; the {} has offsets from {} to {} mm"
 SHIFTED = "min_intensity is given for {} of 64 lasers: converters that leave out defaults"
 ODD = {
     # Values of zero were left out, and the others moved to other lasers (the XML has them all).
     "64e_s2.1-sztaki.yaml": [SHIFTED.format(44), "max_intensity is given for 2 of 64"],
     "64e_s3-xiesc.yaml": [SHIFTED.format(12), "max_intensity is given for 5 of 64"],
     # An S1, which has no two-point calibration; the flag was set all the same.
-    "64e_utexas.yaml": ["near-point corrections of laser 0, .* are zero, but enabled"],
+    "64e_utexas.yaml": [
+        "near-point corrections of laser 0, .* are zero, but enabled",
+        NO_OFFSETS.format("HDL-64E", 105.8, 209.5),
+    ],
+    # The ROS driver and VeloView leave the offsets of the maker's drawings out.
+    "32db.yaml": [NO_OFFSETS.format("HDL-32E", -5.5, 17.2)],
+    "veloview_HDL-32.xml": [NO_OFFSETS.format("HDL-32E", -5.5, 17.2)],
+    "VLP16db.yaml": [NO_OFFSETS.format("VLP-16", -11.2, 11.2)],
 }
 
 

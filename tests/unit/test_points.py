@@ -320,6 +320,27 @@ def test_command(capture, tmp_path):
     assert picture.with_suffix(".svg").is_file()
 
 
+def test_a_factory_file_is_applied_with_its_near_points(tmp_path):
+    """Against the same file without them: centimetres, which were left out silently."""
+    _, path = recording(tmp_path, "HDL-64E")
+    scanner = SCANNERS["HDL-64E"]
+    design = replace(parameters.nominal(scanner), dl=np.full(64, 1.0))
+    near = {"dist_correction_x": np.full(64, 1.06), "dist_correction_y": np.full(64, 1.06)}
+    formats.write(tmp_path / "db.xml", replace(design, carried=near))
+    formats.write(tmp_path / "far.csv", design)
+    files = "-c", tmp_path / "db.xml", "--before", tmp_path / "far.csv"
+    done = run(path, "-o", tmp_path / "o.ply", *files, "--max-range", 6, "--scanner", "HDL-64E")
+    assert done.exit_code == 0, done.output
+    rows = read_ply(tmp_path / "o.ply")
+    # 6 cm at the near points, which fade to nothing at 25 m.
+    assert 0.03 < rows["shift"].mean() < 0.06
+    # A file for another program is applied as that program does, up to what is said.
+    turned = formats.CalibrationFile(design, "veloview")
+    formats.write(tmp_path / "view.xml", turned)
+    done = run(path, "-o", tmp_path / "o.ply", "-c", tmp_path / "view.xml", "--scanner", "HDL-64E")
+    assert "veloview rounds azimuths to 0.01 deg: left out, up to 0.7 cm at 80 m" in done.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

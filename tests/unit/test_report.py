@@ -84,6 +84,13 @@ def agreement():
     return comparison.of_cells(comparison.statistics_shown(SUMMARY, rebuilt))
 
 
+EXPORTS = pd.DataFrame(
+    {
+        "file": ["set1.yaml", "set1.xml"], "program": ["ros", "veloview"],
+        "rotation_rate_hz": [9.87, np.nan], "count": [5, 5], "before_cm": [2.31, 2.31],
+        "model_cm": [0.41, 0.41], "after_cm": [0.42, 0.43],
+    }
+)  # fmt: skip
 FULL = report.Study(
     title="Study of <two> scanners & more",
     simulated=True,
@@ -117,6 +124,7 @@ FULL = report.Study(
     ],
     surveys=[SURVEY],
     sets={"HDL-32E": {"set1": columns_of_set()}},
+    exports={("HDL-32E", "set1"): EXPORTS},
     factories={"HDL-32E": FACTORY},
     field_table=pd.DataFrame({"sample": ["street"], "rms_cm": [0.61234567]}),
     field_pictures={"street": PNG},
@@ -282,6 +290,7 @@ def test_script_reads_what_is_there(tmp_path):
     storage.write_csv(drawn.with_suffix(".csv"), FULL.figures[0].numbers)
     of_set = tmp_path / "HDL-32E/set1.csv"
     formats.write(of_set, CalibrationFile(FACTORY, std={"dl": np.full(32, 0.001)}))
+    storage.write_csv(of_set.with_suffix(".exports.csv"), EXPORTS)
     files = {
         "ledgers": [tmp_path / "recordings/sa5/ledger.json"],
         "summary": tmp_path / "summary.csv",
@@ -292,6 +301,7 @@ def test_script_reads_what_is_there(tmp_path):
         "pictures": [drawn],
         "numbers": [drawn.with_suffix(".csv")],
         "sets": [of_set],
+        "exports": [of_set.with_suffix(".exports.csv")],
         "factories": [],
         "field_pictures": [],
         "outdoor_pictures": [],
@@ -444,3 +454,12 @@ def test_all_columns_are_on_the_page_of_a4(tmp_path):
     bare = re.sub(r"(?s)(@media print \{).*?\n\}\n", r"\1 }\n", page)
     wide = {table["name"] for table in on_paper(bare, tmp_path, chromium) if table["over"] > 0.5}
     assert wide >= {"Methods", "Ledger"}
+
+
+def test_files_for_programs_state_their_rate_and_what_they_are_worth():
+    rows = re.findall(r"<tr><td>set1.*?</tr>", PAGE)
+    cells = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in rows]
+    assert cells == [
+        ["set1.yaml", "ros", "9.87", "2.31", "0.41", "0.42"],
+        ["set1.xml", "veloview", "any", "2.31", "0.41", "0.43"],
+    ]

@@ -1,5 +1,7 @@
 """Statistics per laser and per window against literal formulas."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from support.capture import record_list, write
 from support.station import write_station
 
 from velocal.adjustment.observations import Observations
+from velocal.calibration.dialects import MANUAL
 from velocal.calibration.files import formats
 from velocal.errors import VelocalError
 from velocal.evaluation.candidates import Candidate, Role, with_sets
@@ -25,7 +28,7 @@ from velocal.packets.data import encode
 from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
 from velocal.scanner.models import SCANNERS
-from velocal.scanner.parameters import nominal
+from velocal.scanner.parameters import NEAR_POINT, nominal
 from velocal.study.outputs import Validation
 from velocal.study.reduction import AssignmentLimits
 
@@ -168,7 +171,7 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(
         statistics=statistics, sample="a", window="middle", scanner=known.name, port=None,
         address=None, which="strongest", length=length, candidates=[name], units=[],
         limits=AssignmentLimits(distance_cm=50, incidence_deg=70, edge_cm=5),
-        validation=Validation(rotations=singles, sigma_cm=2.0),
+        validation=Validation(rotations=singles, sigma_cm=2.0), near_points=True,
     )  # fmt: skip
     rows = pd.DataFrame(storage.read_csv(statistics, text=KEYS))
     assert len(rows) == 2 * known.n_lasers
@@ -204,3 +207,31 @@ def test_candidates_stand_below_each_other():
         assert set(table["parameter_set"][own]) == {each.parameter_set}
         rms_cm = np.abs(data.misclosure(each.parameters)) * 1e2
         np.testing.assert_allclose(table["rms_cm"][own], rms_cm)
+
+
+def test_the_factory_file_is_judged_by_its_own_formula():
+    """Beams along Y onto a wall at 3 m: with near points they have the points of the manual."""
+    n = 64
+    factory = replace(
+        nominal(SCANNERS["HDL-64E"]), alpha=np.zeros(n), hoff=np.zeros(n), dl=np.full(n, 1.0)
+    )
+    lasers, raw_m = np.arange(n), 2.0
+    data = Observations(
+        np.full(n, raw_m), np.zeros(n), lasers, np.tile([0.0, 1.0, 0.0], (n, 1)),
+        np.full(n, -3.0), np.zeros(n, int),
+    )  # fmt: skip
+    near = dict.fromkeys(NEAR_POINT, factory.dl + 0.05)
+    candidates = with_sets(replace(factory, carried=near), {"a": factory}, near_points=True)
+    table = statistics_table({"sample": "a"}, candidates, data, 0.02)
+    assert list(dict.fromkeys(table["role"])) == ["factory", "factory_single", "set"]
+    y = MANUAL.points(data.distance_m, data.phi, lasers, candidates[0].parameters)[:, 1]
+    wanted_cm = 100.0 * (y - 3.0) / np.cos(factory.v)
+    np.testing.assert_allclose(table["rms_cm"][:n], np.abs(wanted_cm), atol=1e-9)
+    moved = table["mean_cm"][:n] - table["mean_cm"][n : 2 * n]
+    assert 4.0 < moved.min() < moved.max() < 5.0
+    np.testing.assert_array_equal(table["rms_cm"][n : 2 * n], table["rms_cm"][2 * n :])
+    # The paper's study, and files without near points, have the rows that they had.
+    for parameters, applies in ((replace(factory, carried=near), False), (factory, True)):
+        rows = with_sets(parameters, {"a": factory}, near_points=applies)
+        found = statistics_table({"sample": "a"}, rows, data, 0.02)["role"]
+        assert list(dict.fromkeys(found)) == ["factory", "set"]

@@ -179,6 +179,7 @@ CHANGES = {
     },
     "joint.near_points": change(
         "joint.near_points", False, Given("adjust_unit", "joint", OF_UNIT),
+        f"results/statistics/calibration/{SA3}.csv", f"results/statistics/validation/{SA3}.csv",
         before=(*UNIT, (("joint", "near_points"), True)),
     ),
     "export.distance": change(

@@ -10,6 +10,8 @@
 #       {results}/adjustment/{sample}/{window}.covariance.csv   all covariances, by source
 #       {results}/parameter_sets/{scanner}/{set}.*         csv and json (all that is known),
 #                                                          yaml and db.xml for drivers (`export`)
+#       {results}/parameter_sets/{scanner}/{set}.velodyne_decoder.yaml   for that program
+#       {results}/parameter_sets/{scanner}/{set}.exports.csv   points of every program from planes
 #       {results}/parameter_sets/{scanner}/{calibration}.*   the same of a calibration
 #       {results}/calibrations/{scanner}/{calibration}.json  population, stations, noise, verdict
 #       {results}/calibrations/{scanner}/{calibration}.csv   corrections, standard deviations and
@@ -43,7 +45,10 @@ CERTIFIED = [
     )
 ]
 VERDICTS = f"{RESULTS}/calibrations/verdicts.txt" if CALIBRATIONS else []
-SET_FILES = expand("{path}.{suffix}", path=SETS, suffix=("csv", "yaml", "xml"))
+PROGRAM_SUFFIXES = ("yaml", "xml", "velodyne_decoder.yaml")
+SET_FILES = expand(
+    "{path}.{suffix}", path=SETS, suffix=("csv", *PROGRAM_SUFFIXES, "exports.csv")
+)
 
 
 rule assign_medians:
@@ -98,6 +103,7 @@ rule adjust_unit:
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.xml",
+        decoder=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.velodyne_decoder.yaml",
         judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
         lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
         hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",
@@ -169,12 +175,17 @@ rule average_set:
             f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
             samples_of_set(wildcards),
         ),
+        assigned=lambda wildcards: per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+            samples_of_set(wildcards),
+        ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.json",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
+        decoder=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.velodyne_decoder.yaml",
         scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
     log:
         f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
@@ -190,3 +201,33 @@ rule average_set:
         export=SETTINGS.export.plain(),
     script:
         "../../scripts/average_set.py"
+
+
+rule prove_exports:
+    input:
+        assigned=lambda wildcards: per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+            samples_of_candidate(wildcards),
+        ),
+        surveys=lambda wildcards: at_positions(
+            f"{RESULTS}/survey/{{position}}.json",
+            samples_of_candidate(wildcards),
+        ),
+        calibration=lambda wildcards: factory_path(wildcards.scanner),
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.csv",
+        files=[
+            f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.{suffix}"
+            for suffix in PROGRAM_SUFFIXES
+        ],
+    output:
+        exports=f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.exports.csv",
+    log:
+        f"{RESULTS}/logs/prove_exports/{{scanner}}.{{candidate}}.log",
+    wildcard_constraints:
+        candidate=r"\w+",
+    params:
+        positions=lambda wildcards: positions_per_window(
+            samples_of_candidate(wildcards)
+        ),
+    script:
+        "../../scripts/prove_exports.py"

@@ -109,6 +109,13 @@ def samples_of_calibration(wildcards):
     return STUDY.calibrations[wildcards.scanner][wildcards.unit]
 
 
+def samples_of_candidate(wildcards):
+    """Samples of a parameter set or of a calibration."""
+    scanner, name = wildcards.scanner, wildcards.candidate
+    sets = STUDY.parameter_sets.get(scanner, {})
+    return sets[name] if name in sets else STUDY.calibrations[scanner][name]
+
+
 def unit_of(wildcards):
     """Calibration that shows as "after" what a window was adjusted on; empty where the window
     has an adjustment of its own."""

@@ -83,6 +83,7 @@ rule write_report:
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         checks=CHECKS if STUDY.surveyed else [],
         sets=expand("{path}.csv", path=SETS),
+        exports=expand("{path}.exports.csv", path=SETS),
         factories=list(STUDY.factory_files.values()),
         pictures=figure_files(FIGURES, ["png"]),
         numbers=figure_files(FIGURES, ["csv"]),

@@ -31,6 +31,7 @@ rule residuals_calibration:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         unit=lambda wildcards: unit_of(wildcards),
         sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/residuals_calibration.py"
 
@@ -64,6 +65,7 @@ rule residuals_validation:
         ),
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         validation=lambda wildcards: STUDY.validation.plain(),
+        near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/residuals_validation.py"
 

@@ -36,7 +36,8 @@ def max_point_distance(
     ranges_m : tuple of float
         Ranges corrected by the first's dl; both get the same raw distance.
     scanner : Scanner, optional
-        If given, azimuths are interpolated as each program does for it, at `rate_hz`.
+        If given, azimuths are interpolated as each program does for it, at `rate_hz`, and numbers
+        that a program ignores for it count as zero.
     rate_hz : float
         Rotation rate.
 
@@ -71,8 +72,11 @@ def max_point_distance(
         raw = np.maximum(range_m - first[1].dl, 0.0)[laser]
         xyz = []
         for dialect, parameters in (first, second):
-            phi = dialect.azimuths(azimuth, laser, scanner, rate_hz) if scanner else azimuth
-            xyz.append(dialect.points(raw, phi, laser, parameters))
+            phi, numbers = azimuth, parameters
+            if scanner is not None:
+                phi = dialect.azimuths(azimuth, laser, scanner, rate_hz)
+                numbers = dialect.effective(parameters, scanner)
+            xyz.append(dialect.points(raw, phi, laser, numbers))
         between = np.linalg.norm(xyz[0] - xyz[1], axis=1)
         result.append(between.reshape(n_lasers, -1).max(axis=1))
     return np.array(result)
@@ -106,6 +110,8 @@ def incompatibilities(
         A clause for every reason; empty if the conversion is exact.
     """
     found = []
+    if scanner is not None:
+        parameters = source.effective(parameters, scanner)
     x, y = source.near(parameters)
     acts = (x != parameters.dl) | (y != parameters.dl)
     if acts.any() and source.two_point != target.two_point:
@@ -118,12 +124,58 @@ def incompatibilities(
         found.append(f"{target.name} ignores rotational corrections")
     if scanner is None:
         return found
+    if target.effective(parameters, scanner) is not parameters and any(
+        getattr(parameters, name).any() for name in ("dl", "voff", "hoff")
+    ):
+        found.append(f"{target.name} ignores distance corrections and offsets of a {scanner.name}")
     later = _delays_between(source, target, scanner)
     differently = f"{source.name} and {target.name} interpolate azimuths differently"
     if later is None:
         found.append(f"{differently}, and the firing times of the {scanner.name} are not known")
     elif later.any() and (rate_hz is None or not target.alpha):
         found.append(differently)
+    return found
+
+
+def near_points_differ(
+    parameters: LaserParameters,
+    source: Dialect,
+    target: Dialect,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
+) -> list[str]:
+    """What two programs do differently with near-point corrections, if that is all that differs.
+
+    Parameters
+    ----------
+    parameters, source, target, scanner, rate_hz
+        As for `incompatibilities`.
+
+    Returns
+    -------
+    list of str
+        Clauses that say where; empty if the conversion is exact, or if something else differs.
+    """
+    one, other = source.two_point, target.two_point
+    alike = replace(source, two_point=other)
+    if (
+        one is None
+        or other is None
+        or not incompatibilities(parameters, source, target, scanner, rate_hz)
+        or incompatibilities(parameters, alike, target, scanner, rate_hz)
+    ):
+        return []
+    found = []
+    nearer, farther = sorted((one.limit_m, other.limit_m))
+    if farther > 2.0 * nearer:
+        longer = target if other.limit_m > one.limit_m else source
+        found.append(f"beyond {nearer:.0f} m {longer.name} extrapolates near-point corrections")
+    elif farther != nearer:
+        found.append(f"near-point corrections end at {nearer:.2f} or {farther:.2f} m")
+    if one.with_offsets != other.with_offsets:
+        found.append("within it the offsets are part of the X and Y at which is interpolated")
+    if one.z != other.z:
+        found.append("Z gets another correction")
     return found
 
 
@@ -188,6 +240,8 @@ def convert(
     """
     if source == target:
         return parameters
+    if scanner is not None:
+        parameters = source.effective(parameters, scanner)
     v, voff, near = parameters.v, parameters.voff, source.near(parameters)
     alpha = parameters.alpha if source.alpha else np.zeros_like(v)
     later = None if scanner is None else _delays_between(source, target, scanner)
@@ -220,18 +274,40 @@ def convert(
     return result
 
 
-def for_program(parameters: LaserParameters, dialect: str) -> LaserParameters:
+def depends_on_rate(source: Dialect, target: Dialect, scanner: Scanner) -> bool:
+    """Whether a conversion needs the rotation rate, since azimuths within firings differ.
+
+    Parameters
+    ----------
+    source, target : Dialect
+    scanner : Scanner
+    """
+    later = _delays_between(source, target, scanner)
+    return target.alpha and later is not None and bool(later.any())
+
+
+def for_program(
+    parameters: LaserParameters,
+    dialect: str,
+    scanner: Scanner | None = None,
+    rate_hz: float | None = None,
+) -> LaserParameters:
     """Numbers of a refined set for the program that computes by the dialect of that name.
 
     The set has one distance correction per laser, found at the ranges of its walls; so readers
     with a two-point correction get it for the near points too. Two differences remain: rotational
-    corrections that a program ignores, and azimuths that it interpolates in another way.
+    corrections that a program ignores, and, without a rate, azimuths that it interpolates in
+    another way.
 
     Parameters
     ----------
     parameters : LaserParameters
         Numbers of the dialect ``paper``.
     dialect : str
+    scanner : Scanner, optional
+    rate_hz : float, optional
+        Rotation rate of the recordings, at which a difference of the azimuths within a firing goes
+        into alpha.
 
     Returns
     -------
@@ -245,7 +321,8 @@ def for_program(parameters: LaserParameters, dialect: str) -> LaserParameters:
     DialectError
         If the dialect cannot express the vertical offset of a laser.
     """
-    return convert(parameters, PAPER, dialect_named(dialect), inexact=True)
+    target = dialect_named(dialect)
+    return convert(parameters, PAPER, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
 
 
 def differences(
@@ -271,7 +348,7 @@ def differences(
     Returns
     -------
     str
-        A clause with the largest distance at every range, centimetres.
+        A clause with the largest distance at every range, centimetres, and the laser.
 
     Raises
     ------
@@ -279,6 +356,10 @@ def differences(
         If the numbers of lasers differ.
     """
     pair = (source, parameters), (target, result)
-    sizes = max_point_distance(*pair, scanner=scanner, rate_hz=rate_hz).max(axis=1)
-    text = ", ".join(f"{100 * s:.1f} cm at {r:g} m" for r, s in zip(RANGES_M, sizes, strict=True))
+    apart = max_point_distance(*pair, scanner=scanner, rate_hz=rate_hz)
+    text = ", ".join(
+        f"{100 * each.max():.1f} cm at {range_m:g} m"
+        + (f" (laser {each.argmax()})" if each.max() > 5e-4 else "")
+        for range_m, each in zip(RANGES_M, apart, strict=True)
+    )
     return f"points differ by up to {text}" + (f" (at {rate_hz:g} Hz)" if scanner else "")

@@ -101,6 +101,8 @@ class Dialect:
         families that are left out.
     rounds : bool
         Whether interpolated azimuths are rounded to 0.01 degrees.
+    angles_only : tuple of Family
+        Families of which the program reads the angles, and no distance correction or offset.
     """
 
     name: str
@@ -111,6 +113,26 @@ class Dialect:
     alpha: bool = True
     interpolation: Mapping[Family, Interpolation] = field(default_factory=dict, hash=False)
     rounds: bool = True
+    angles_only: tuple[Family, ...] = ()
+
+    def effective(self, parameters: LaserParameters, scanner: Scanner) -> LaserParameters:
+        """Numbers that take effect for a scanner.
+
+        Parameters
+        ----------
+        parameters : LaserParameters
+            Numbers of this dialect.
+        scanner : Scanner
+
+        Returns
+        -------
+        LaserParameters
+            Zeros for what the program ignores.
+        """
+        if scanner.family not in self.angles_only:
+            return parameters
+        zero = np.zeros(len(parameters))
+        return replace(parameters, dl=zero, voff=zero, hoff=zero, carried={})
 
     def near(self, parameters: LaserParameters) -> tuple[Array, Array]:
         """Near-point corrections that take effect; `dl` for lasers for which none do.
@@ -303,6 +325,7 @@ DIALECTS: dict[str, Dialect] = {
             orthogonal=True,
             two_point=replace(_SAMPLE_CODE, where="flag"),
             interpolation=dict.fromkeys((Family.VLP16, Family.VLS128), Interpolation.ALL_LASERS),
+            angles_only=(Family.VLS128,),  # RawData::unpack_vls128
         ),
         Dialect(
             "libvelodyne",

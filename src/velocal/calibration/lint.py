@@ -16,12 +16,11 @@ from velocal.calibration.files import document as lasers
 from velocal.calibration.files.decimals import UNCHANGED
 from velocal.calibration.files.document import Document
 from velocal.calibration.files.formats import format_of, read_calibration
+from velocal.calibration.fit import FIT_RAD, closest, fitting, is_like, misfit_rad
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import SCANNERS, Scanner
 from velocal.scanner.parameters import NEAR_POINT, PARAMETERS, TWO_POINT
 
-#: Scanner with which a file is compared by its number of lasers, unless a scanner is named.
-BY_LASERS = {64: "HDL-64E", 32: "HDL-32E", 16: "VLP-16"}
 #: Ticks of the raw distance that scanners have, metres.
 TICKS_M = sorted({scanner.distance_tick_m for scanner in SCANNERS.values()})
 #: Scanners of that many lasers exist, known here or not.
@@ -57,12 +56,12 @@ def lint(path: str | Path, scanner: Scanner | None = None) -> list[Finding]:
     ----------
     path : str or Path
     scanner : Scanner, optional
-        What the file is for; found by the number of lasers if left out.
+        What the file is for; found by the vertical angles if left out.
 
     Returns
     -------
     list of Finding
-        Empty if no fault is found. All real files known are within the limits of the checks.
+        Empty if no fault is found.
 
     Examples
     --------
@@ -79,8 +78,8 @@ def lint(path: str | Path, scanner: Scanner | None = None) -> list[Finding]:
     found += faults
     found += _ids(ids, scanner)
     if len(ids):
-        if scanner is None and len(ids) in BY_LASERS:
-            scanner = SCANNERS[BY_LASERS[len(ids)]]
+        if scanner is None:
+            scanner = closest(_by_laser(ids, columns["v"]))
         for check in CHECKS:
             found += check(document, ids, columns, scanner)
     if not found:
@@ -101,6 +100,12 @@ def _document(document: Document) -> Iterator[Finding]:
         yield Finding("tick", f"{error.what}; 0.002 m, or 0.004 m for a VLP-32C or VLS-128")
     if document.dialect is not None and document.dialect not in DIALECTS:
         yield Finding("dialect", f"unknown dialect {document.dialect!r}")
+    if document.disabled:
+        yield Finding(
+            "disabled",
+            f"laser {_listed(list(document.disabled))}: turned off by enabled_, but with values, "
+            "which programs leave out",
+        )
     if document.stated is not None and document.stated != len(document.lasers):
         yield Finding(
             "count", f"num_lasers is {document.stated}, but there are {len(document.lasers)}"
@@ -155,6 +160,10 @@ def _listed(numbers: list[int]) -> str:
     return ", ".join(map(str, numbers[:8])) + (" ..." if len(numbers) > 8 else "")
 
 
+def _by_laser(ids: list[int], values: Array) -> Array:
+    return values[np.argsort(ids, kind="stable")]
+
+
 def _of(ids: list[int], where: NDArray[np.bool_]) -> str:
     return f"laser {_listed([ids[k] for k in np.flatnonzero(where)])}"
 
@@ -172,9 +181,12 @@ def _units(
     known = columns["v"][np.isfinite(columns["v"])]
     if len(known) > 8 and 0.0 < (spread := np.ptp(known)) < np.deg2rad(2.0):
         yield Finding("angle", f"{document.keys['v'][0]} spans {spread:.2g} rad: wrong unit")
-    if len(ids) >= 64 and 0.0 < size["alpha"].max() < np.deg2rad(0.5):
+    turned = scanner is not None and bool(scanner.rotational_rad.any())
+    if turned and 0.0 < size["alpha"].max() < np.deg2rad(0.5):
         yield Finding("angle", f"{document.keys['alpha'][0]} is within 0.5 deg: wrong unit")
-    limits = {"dl": 10.0, "voff": 1.0, "hoff": 0.5, "focal_distance": 100.0}
+    design = _design_m(scanner) if scanner and scanner.n_lasers == len(ids) else {}
+    heights_m = min(1.0, 10.0 * design.get("voff", 1.0))
+    limits = {"dl": 10.0, "voff": heights_m, "hoff": 0.5, "focal_distance": 100.0}
     for name, limit in (limits | dict.fromkeys(NEAR_POINT, 10.0)).items():
         if (big := size[name] > limit).any():
             key, unit = document.keys[name]
@@ -182,10 +194,21 @@ def _units(
                 "centimetres for metres" if unit == UNCHANGED else "millimetres for centimetres"
             )
             yield Finding("length", f"{key} of {_of(ids, big)} is beyond {limit:g} m: {larger}")
-    for name, limit in {"dl": 0.05, "voff": 0.005, "hoff": 0.001}.items():
-        largest = size[name].max()
-        if len(ids) >= 64 and 0.0 < largest < limit:
-            yield Finding("length", f"{document.keys[name][0]} is within {limit:g} m: wrong unit?")
+    for name, usual in design.items():
+        largest, limit = size[name].max(), usual / 25.0
+        if 0.0 < largest < limit:
+            key = document.keys[name][0]
+            yield Finding("length", f"{key} is within {limit:.2g} m: wrong unit?")
+
+
+def _design_m(scanner: Scanner) -> dict[str, float]:
+    """Largest length of every kind by which a wrong unit shows, where the scanner has any."""
+    sizes = {
+        "dl": 1.25 if scanner.has_factory_file else 0.0,
+        "voff": float(np.abs(scanner.vertical_offset_m).max()),
+        "hoff": float(np.abs(scanner.horizontal_offset_m).max()),
+    }
+    return {name: size for name, size in sizes.items() if size}
 
 
 def _distances(
@@ -224,8 +247,14 @@ def _nominal(
     if scanner is None or set(ids) != set(range(scanner.n_lasers)):
         return
     at = np.array(ids)
-    if not _is_like(columns["v"], scanner.vertical_rad):
-        return  # another model of that many lasers, or a fault of units
+    if not is_like(columns["v"], scanner):
+        other = next(fitting(_by_laser(ids, columns["v"])), None)
+        key = document.keys["v"][0]
+        if other is not None:
+            yield Finding(
+                "scanner", f"{key} has the angles of the {other.name}, not of the {scanner.name}"
+            )
+        return  # another model, or a fault of units
     parts = {
         "v": (scanner.vertical_rad[at], _VERTICAL_RAD),
         "alpha": (scanner.rotational_rad[at], _ROTATIONAL_RAD),
@@ -250,12 +279,19 @@ def _nominal(
             yield Finding("value", f"{key} of {_of(ids, away)} is far from the nominal value")
 
 
-def _is_like(v: Array, nominal: Array) -> bool:
-    """Whether vertical angles, in whatever order and sign, are those of a scanner."""
-    both = (np.sort(v), np.sort(-v))
-    return bool(
-        min(np.median(np.abs(each - np.sort(nominal))) for each in both) < _VERTICAL_RAD / 2
-    )
+def _offsets(
+    document: Document, ids: list[int], columns: Columns, scanner: Scanner | None
+) -> Iterator[Finding]:
+    """Vertical offsets that converters and old files leave out."""
+    if scanner is None or np.nan_to_num(columns["voff"]).any():
+        return
+    if misfit_rad(_by_laser(ids, columns["v"]), scanner) <= FIT_RAD:
+        nominal = 1e3 * scanner.vertical_offset_m
+        yield Finding(
+            "offsets",
+            f"{document.keys['voff'][0]} is zero for every laser; the {scanner.name} has "
+            f"offsets from {nominal.min():.1f} to {nominal.max():.1f} mm",
+        )
 
 
 def _twins(
@@ -299,4 +335,6 @@ def _partly(
 
 
 Check = Callable[[Document, list[int], Columns, Scanner | None], Iterator[Finding]]
-CHECKS: tuple[Check, ...] = (_units, _distances, _nominal, _twins, _intensities, _partly)
+CHECKS: tuple[Check, ...] = (
+    _units, _distances, _nominal, _offsets, _twins, _intensities, _partly,
+)  # fmt: skip

@@ -13,11 +13,19 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal import __version__
-from velocal.calibration.convert import RANGES_M, RATE_HZ, convert, differences, max_point_distance
-from velocal.calibration.dialects import DIALECTS, Dialect, dialect_named
+from velocal.calibration.convert import (
+    RANGES_M,
+    RATE_HZ,
+    convert,
+    depends_on_rate,
+    differences,
+    max_point_distance,
+    near_points_differ,
+)
+from velocal.calibration.dialects import DIALECTS, PAPER, Dialect, dialect_named
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
-from velocal.calibration.lint import BY_LASERS
+from velocal.calibration.fit import check_fit, fitting
 from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import Force, escape, print_json
 from velocal.errors import ConfigError
@@ -48,7 +56,7 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .y
 ScannerName = Annotated[
     str | None,
     typer.Option(
-        "--scanner", help=f"{', '.join(SCANNERS)}. Chosen by the number of lasers if left out."
+        "--scanner", help=f"{', '.join(SCANNERS)}. Told by the vertical angles if left out."
     ),
 ]
 Rate = Annotated[
@@ -75,6 +83,8 @@ def show(
         "scanner": known.name if known else "unknown",
         "dialect": dialect.name if found.dialect else f"{dialect.name} (the file does not say)",
         "distance tick": f"{1000 * found.tick_m:g} mm",
+        "turned off": _listed(found),
+        "rotation rate": f"{found.rotation_rate_hz:g} Hz" if found.rotation_rate_hz else "any",
         "provenance": dict(found.provenance),
     }
     if as_json:
@@ -146,9 +156,10 @@ def convert_file(
     """Write a calibration in another format, with the numbers that its reader needs.
 
     Programs compute points by different formulas ("dialects"). The numbers are converted such
-    that the reader of TARGET gets the points that SOURCE stands for; where that is impossible,
-    nothing is written unless --inexact is given. A dialect of the same name on both sides keeps
-    all numbers.
+    that the reader of TARGET gets the points that SOURCE stands for. Where two programs only
+    interpolate near-point corrections differently, as the manual and ROS do, TARGET is written and
+    the differences are printed. Where more is impossible, nothing is written unless --inexact is
+    given. A dialect of the same name on both sides keeps all numbers.
     """
     check_outputs([target], [source], overwrite=force)
     found = _read(source, scanner)
@@ -163,6 +174,9 @@ def convert_file(
             hint="Write .json, which says what it holds.",
         )
     known = _scanner(found, scanner)
+    rate_hz = rate_hz or found.rotation_rate_hz
+    near = near_points_differ(found.parameters, before, after, known, rate_hz)
+    inexact = inexact or bool(near)
     parameters = convert(
         found.parameters, before, after, scanner=known, rate_hz=rate_hz, inexact=inexact
     )
@@ -179,12 +193,18 @@ def convert_file(
         dialect=after.name,
         scanner=known.name if known else None,
         provenance=provenance,
+        disabled=(),
+        rotation_rate_hz=rate_hz if known and _turned(before, after, known) else None,
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
     print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
+    if found.disabled:
+        print(f"Left out, as {source.name} turns them off: {_listed(found)}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
+        if near:
+            print(f"{after.name} is not {before.name}: {'; '.join(near)}")
         print(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
         print("Standard deviations belong to the other dialect and were left out")
@@ -252,8 +272,25 @@ def diff(
 
 
 def _read(file: Path, scanner: str | None) -> CalibrationFile:
-    n_lasers = scanner_named(scanner, where="--scanner").n_lasers if scanner else None
-    return formats.read_calibration(file, n_lasers)
+    if scanner is None:
+        return formats.read_calibration(file)
+    known = scanner_named(scanner, where="--scanner")
+    found = formats.read_calibration(file, known.n_lasers)
+    check_fit(found.parameters.v, known, str(file), found.scanner)
+    return found
+
+
+def _turned(before: Dialect, after: Dialect, scanner: Scanner) -> bool:
+    """Whether the numbers of a program hold at one rotation rate, stated or that of the source."""
+    if before == after:
+        return depends_on_rate(PAPER, after, scanner)
+    return depends_on_rate(before, after, scanner) and depends_on_rate(PAPER, after, scanner)
+
+
+def _listed(found: CalibrationFile) -> str:
+    """Lasers that the file turns off although it has values of them."""
+    numbers = ", ".join(map(str, found.disabled))
+    return f"laser {numbers}" if numbers else ""
 
 
 def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
@@ -261,8 +298,8 @@ def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) 
 
 
 def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
-    name = named or found.scanner or BY_LASERS.get(len(found.parameters))
-    return SCANNERS.get(name) if name else None
+    name = named or found.scanner
+    return SCANNERS.get(name) if name else next(fitting(found.parameters.v), None)
 
 
 def _ranges(text: str) -> tuple[float, ...]:

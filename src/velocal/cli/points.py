@@ -9,7 +9,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from velocal.calibration.applied import applied
 from velocal.calibration.files import formats
+from velocal.calibration.files.document import CalibrationFile
 from velocal.cli.common import (
     Address,
     File,
@@ -25,9 +27,9 @@ from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
-from velocal.points.stream import FRAMES, Settings, raw_returns, stream
+from velocal.points.stream import FRAMES, Settings, raw_returns, rotation_rate_hz, stream
 from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import LaserParameters
+from velocal.scanner.parameters import LaserParameters, nominal
 
 #: Rotations that the picture is made of: enough to show noise, few enough to draw.
 PICTURE_ROTATIONS = 3
@@ -71,6 +73,7 @@ def points(
 ) -> None:
     """Write the points of a recording with a calibration: PLY, PCD, LAS, LAZ or Parquet.
 
+    A file is applied as the program does for which it is written, with its near-point corrections.
     Every point has its laser, rotation, time and intensity. Rotations are numbered from 0. The
     recording usually cuts the first and the last one.
     """
@@ -114,26 +117,32 @@ def points(
             moved += float(columns["shift"].sum()) if before is not None else 0.0
             bar.advance(task, packets)
     print(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
-    if before is not None:
+    rate_hz = rotation_rate_hz(inspection, chosen)
+    read = [(calibration, applied(settings.parameters, known, rate_hz))]
+    if before is not None and settings.before is not None:
+        read.insert(0, (before, applied(settings.before, known, rate_hz)))
         print(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
-    if picture is not None and settings.before is not None:
+    for name, each in read:
+        if each.left_out:
+            print(f"{name}: {each.left_out}")
+    if picture is not None:
         from velocal.points.picture import before_and_after
         from velocal.reporting.style import save  # matplotlib takes a second to load
 
         some = chosen[:PICTURE_ROTATIONS]
         figure = before_and_after(
             raw_returns(file, inspection, some, settings),
-            (settings.before, settings.parameters),
-            [Path(name).name for name in (before or "", calibration)],
+            [each for _, each in read],
+            [Path(name).name for name, _ in read],
             f"{file.name}, {known.name}, {len(some)} rotations",
         )
         save(figure, picture.with_suffix(".svg"), picture)
         print(f"{picture}: before and after")
 
 
-def _calibration(name: str, scanner: Scanner) -> LaserParameters:
-    """Parameters of a calibration file, or the nominal ones."""
-    return formats.read_or_nominal(None if name == "nominal" else Path(name), scanner)
+def _calibration(name: str, scanner: Scanner) -> CalibrationFile | LaserParameters:
+    """What a calibration file holds, or the nominal parameters."""
+    return nominal(scanner) if name == "nominal" else formats.read_for(Path(name), scanner)
 
 
 def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:

@@ -189,19 +189,21 @@ def statistics_table(
 
     Returns
     -------
-    dict of str to ndarray, shape (candidates * lasers,)
-        Columns of `statistics_columns`, with `IDENTITY` in the heading.
+    dict of str to ndarray, shape (rows,)
+        Columns of `statistics_columns`, with `IDENTITY` in the heading, a row per laser of every
+        candidate, and of the paper's use of the factory's file where that differs.
     """
     parts = [
         statistics_columns(
             {**heading, **each.identity},
-            data.misclosure(each.parameters),
+            each.misclosure(data),
             data.laser_id,
             len(each.parameters),
             sigma_m,
             data.phi,
         )
-        for each in candidates
+        for candidate in candidates
+        for each in candidate.shown()
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from velocal.arrays import Array
+from velocal.calibration.applied import AppliedCalibration
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search
 from velocal.geometry.planes import fit_plane
 from velocal.reporting.style import centred, finish, metres, style
 from velocal.scanner.beam import Beams
-from velocal.scanner.parameters import LaserParameters
 
 #: Flat surfaces among which the one to be shown is looked for.
 SEARCH = Search(planes=4, distance_m=0.15, extent_m=8.0, min_points=300, incidence_rad=1.2, seed=1)
@@ -42,7 +43,7 @@ def surface(after: Cloud) -> FieldPlane | None:
 
 def before_and_after(
     beams: Beams,
-    calibrations: Sequence[LaserParameters],
+    calibrations: Sequence[AppliedCalibration],
     labels: Sequence[str],
     title: str,
 ) -> Figure:
@@ -52,7 +53,7 @@ def before_and_after(
     ----------
     beams : Beams
         Returns, without the calibration.
-    calibrations : sequence of two LaserParameters
+    calibrations : sequence of two AppliedCalibration
         Before and after.
     labels : sequence of two str
         What they are called.
@@ -67,7 +68,7 @@ def before_and_after(
     rng = np.random.default_rng(SEARCH.seed)
     n = len(beams)
     few = np.sort(rng.choice(n, size=min(n, POINTS), replace=False))
-    clouds = [Cloud.from_beams(beams[few], each) for each in calibrations]
+    clouds = [_cloud(beams[few], each) for each in calibrations]
     found = surface(clouds[1])
     with style():
         figure = Figure(figsize=(9.0, 4.6))
@@ -82,6 +83,11 @@ def before_and_after(
             )
         finish(figure, [], title)
     return figure
+
+
+def _cloud(beams: Beams, calibration: AppliedCalibration) -> Cloud:
+    xyz = calibration.points(beams.distance_m, beams.phi, beams.laser_id)
+    return replace(Cloud.from_beams(beams, calibration.model), xyz=xyz)
 
 
 def _plan(figure: Figure, ax: Axes, before: Array, after: Array) -> None:

@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.arrays import Array, joined_rows
+from velocal.calibration.applied import applied
+from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, view
@@ -33,7 +35,7 @@ from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
 from velocal.recording.returns import returns_of
 from velocal.recording.windows import read_rotations
-from velocal.scanner.beam import Beams
+from velocal.scanner.beam import Beams, angle_from_ticks, distance_from_ticks
 from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 from velocal.scanner.parameters import LaserParameters
 
@@ -57,9 +59,9 @@ class Settings:
     Attributes
     ----------
     scanner : Scanner
-    parameters : LaserParameters
-        Calibration.
-    before : LaserParameters or None
+    parameters : CalibrationFile or LaserParameters
+        Calibration; a file is applied by its own dialect.
+    before : CalibrationFile, LaserParameters or None
         Another calibration; gives the column ``shift``.
     min_range_m, max_range_m : float
         Limits of the calibrated distance.
@@ -72,8 +74,8 @@ class Settings:
     """
 
     scanner: Scanner
-    parameters: LaserParameters
-    before: LaserParameters | None = None
+    parameters: CalibrationFile | LaserParameters
+    before: CalibrationFile | LaserParameters | None = None
     min_range_m: float = -np.inf
     max_range_m: float = np.inf
     frame: str = "velocal"
@@ -109,15 +111,21 @@ class _Lasers:
         self.width = scanner.lasers_per_firing
         delay_s = scanner.azimuth_delay_s
         tick_m, rotated = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * delay_s
-        slope, start = self._lines(settings.parameters, rotated, tick_m)
+        self.scanner = scanner
+        self.applied = applied(settings.parameters, scanner, rate_hz)
+        self.before = (
+            None if settings.before is None else applied(settings.before, scanner, rate_hz)
+        )
+        self.rate_rad_s = 2.0 * np.pi * rate_hz
+        slope, start = self._lines(self.applied.model, rotated, tick_m)
         self.slope, self.start = self._rows(slope), self._rows(start)
         self.delay_s = delay_s.reshape(-1, self.width)
         self.differences: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
-        if settings.before is not None:
-            slope_0, start_0 = self._lines(settings.before, rotated, tick_m)
+        if self.before is not None:
+            slope_0, start_0 = self._lines(self.before.model, rotated, tick_m)
             ways = zip(self._rows(slope - slope_0), self._rows(start - start_0), strict=True)
             self.differences = list(ways)
-        dl = settings.parameters.dl
+        dl = self.applied.model.dl
         lowest = np.ceil((settings.min_range_m - dl) / scanner.distance_tick_m)
         highest = np.floor((settings.max_range_m - dl) / scanner.distance_tick_m)
         # 0 is no return.
@@ -126,6 +134,25 @@ class _Lasers:
 
     def _rows(self, constants: Array) -> NDArray[np.float32]:
         return constants.astype(np.float32).reshape(3, -1, self.width)
+
+    @property
+    def has_near_points(self) -> bool:
+        """Whether a calibration has near-point corrections: points are not on lines then."""
+        calibrations = (self.applied, self.before)
+        return any(each is not None and each.has_near_points for each in calibrations)
+
+    def near_points(self, firings: Firings, used: NDArray[np.bool_]) -> tuple[Array, Array | None]:
+        """Points (n, 3) of the returns that are used, and their shifts (n,), by the formulas."""
+        laser = firings.laser_id()[used]
+        count = np.count_nonzero(used, axis=1)
+        start = np.repeat(firings.azimuth, count)
+        phi = angle_from_ticks(start, laser, self.scanner, self.rate_rad_s)
+        distance_m = distance_from_ticks(firings.distance[used], self.scanner.distance_tick_m)
+        xyz = self.applied.points(distance_m, phi, laser)
+        if self.before is None:
+            return xyz, None
+        moved = xyz - self.before.points(distance_m, phi, laser)
+        return xyz, np.asarray(np.sqrt((moved**2).sum(axis=1)))
 
     @staticmethod
     def _lines(parameters: LaserParameters, rotated: Array, tick_m: float) -> tuple[Array, Array]:
@@ -203,18 +230,26 @@ def place(
     used &= (rotation >= 0)[:, None]
     # A firing's values are repeated as often as it has points: half the time of any index.
     count = np.count_nonzero(used, axis=1)
-    p, q, z = lasers.coordinates(ticks, bank)
-    sine, cosine = _SINE[firings.azimuth][:, None], _COSINE[firings.azimuth][:, None]
-    right = sine * p
-    right -= cosine * q
-    p *= cosine
-    q *= sine
-    p += q
-    x, y = (right, p) if frame == "velocal" else (p, np.negative(right, out=right))
+    shift: NDArray[Any] | None = None
+    if lasers.has_near_points:
+        xyz, shift = lasers.near_points(firings, used)
+        right, forward, up = xyz.astype(np.float32).T
+    else:
+        p, q, z = lasers.coordinates(ticks, bank)
+        sine, cosine = _SINE[firings.azimuth][:, None], _COSINE[firings.azimuth][:, None]
+        across = sine * p
+        across -= cosine * q
+        p *= cosine
+        q *= sine
+        p += q
+        right, forward, up = across[used], p[used], z[used]
+        if lasers.differences:
+            shift = lasers.shift(ticks, bank)[used]
+    x, y = (right, forward) if frame == "velocal" else (forward, np.negative(right))
     columns: Columns = {
-        "x": x[used],
-        "y": y[used],
-        "z": z[used],
+        "x": x,
+        "y": y,
+        "z": up,
         "intensity": firings.intensity[used],
         "laser_id": firings.laser_id()[used],
         "rotation": np.repeat(rotation.astype(np.uint32), count),
@@ -222,8 +257,8 @@ def place(
     }
     if lasers.delay_s.any():
         columns["time"] += lasers.delay_s.take(bank, axis=0)[used]
-    if lasers.differences:
-        columns["shift"] = lasers.shift(ticks, bank)[used]
+    if shift is not None:
+        columns["shift"] = shift.astype(np.float32)
     return columns
 
 
@@ -314,10 +349,10 @@ def stream(
 
 def stream_points(
     recording: Recording,
-    calibration: LaserParameters,
+    calibration: CalibrationFile | LaserParameters,
     rotations: str | int | slice | Sequence[int] | NDArray[np.integer] = "all",
     *,
-    before: LaserParameters | None = None,
+    before: CalibrationFile | LaserParameters | None = None,
     min_range_m: float = -np.inf,
     max_range_m: float = np.inf,
     frame: str = "velocal",
@@ -329,11 +364,13 @@ def stream_points(
     ----------
     recording : Recording
         See `open_recording`.
-    calibration : LaserParameters
-        Calibration that gives the points.
+    calibration : CalibrationFile or LaserParameters
+        Calibration that gives the points. That of `read_calibration` is applied as the program
+        does for which the file is written, with its near-point corrections; parameters give the
+        points of equations (1) to (3).
     rotations : str, int, slice or sequence of int
         See `Recording.select`.
-    before : LaserParameters, optional
+    before : CalibrationFile or LaserParameters, optional
         Another calibration; with it, the column ``shift`` tells how far every point has moved.
     min_range_m, max_range_m : float
         Points whose calibrated distance lies outside are left out, metres.
@@ -406,5 +443,6 @@ def raw_returns(
     )  # fmt: skip
     rate_hz = rotation_rate_hz(inspection, rotations)
     beams = replace(joined_rows(list(parts)), rotation_rate_hz=rate_hz).beams()
-    range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
+    dl = applied(settings.parameters, settings.scanner, rate_hz).model.dl
+    range_m = beams.distance_m + dl[beams.laser_id]
     return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

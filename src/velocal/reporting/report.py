@@ -113,6 +113,8 @@ class Study:
         Columns of the parameter sets, by scanner and name.
     factories : mapping of str to LaserParameters
         The factory's parameters, by scanner.
+    exports : mapping of (str, str) to DataFrame
+        Files for programs and their proof, by scanner and parameter set.
     field_table : DataFrame or None
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
@@ -141,6 +143,7 @@ class Study:
     surveys: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[Finding] = ()
     sets: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    exports: Mapping[tuple[str, str], pd.DataFrame] = field(default_factory=dict)
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
@@ -204,6 +207,7 @@ def render(study: Study) -> str:
             }
             for scanner, sets in study.sets.items()
         },
+        "exports": {key: table.to_dict("records") for key, table in study.exports.items()},
         "methods": methods.section(study.methods),
         "outdoor": panels.section(study.outdoor),
         "field": _plain(study.field_table),

@@ -77,7 +77,9 @@ class Scanner:
     rotational_rad : ndarray, shape (n_lasers,)
         Nominal rotational angle corrections.
     horizontal_offset_m, vertical_offset_m : ndarray, shape (n_lasers,)
-        Nominal offsets of the lasers.
+        Nominal offsets of the lasers. The beams of a scanner whose lasers stand in one column
+        cross each other in front of the axis; `vertical_offset_m` is the height at which the line
+        of each meets the axis.
     azimuth_bin_ticks : int
         Default width of an azimuth bin in raw azimuth ticks (0.01 deg).
     max_range_m : float
@@ -256,12 +258,13 @@ def _one_column(
     max_range_m: float,
     factory_byte: int,
     origin_height_m: float,
+    vertical_offset_mm: NDArray[np.floating],
     rotational_deg: NDArray[np.floating] | None = None,
     dual_packet_rate_hz: float | None = None,
     other_factory_bytes: tuple[int, ...] = (),
     distance_tick_m: float = DISTANCE_TICK_M,
 ) -> Scanner:
-    """Describe a scanner with its lasers on the axis, interpolated within a firing.
+    """Describe a scanner with its lasers in one column, interpolated within a firing.
 
     Two returns a shot double the packets, as half as many firings fit into one.
     """
@@ -286,15 +289,32 @@ def _one_column(
         vertical_rad=np.deg2rad(vertical_deg),
         rotational_rad=np.zeros(n) if rotational_deg is None else np.deg2rad(rotational_deg),
         horizontal_offset_m=np.zeros(n),
-        vertical_offset_m=np.zeros(n),
+        vertical_offset_m=1e-3 * np.asarray(vertical_offset_mm, dtype=np.float64),
     )
+
+
+def _crossing(vertical_deg: NDArray[np.floating], ahead_mm: float) -> Array:
+    """Heights (mm) at which beams meet the axis that cross each other `ahead_mm` in front of it."""
+    return np.asarray(-ahead_mm * np.tan(np.deg2rad(vertical_deg)))
+
+
+# Envelope drawing 86-0106 of the HDL-32E, sheet 2: height at which each beam meets the axis, by
+# laser (mm). That of 28.9 mm times the tangent of the angle, within 0.02 mm.
+_HDL32E_OFFSET_MM = np.array(
+    [17.17, 4.76, 16.27, 4.07, 15.40, 3.38, 14.54, 2.70, 13.71, 2.02, 12.89, 1.35, 12.09, 0.67,
+     11.31, 0.00, 10.54, -0.67, 9.78, -1.35, 9.04, -2.02, 8.30, -2.70, 7.58, -3.38, 6.86, -4.07,
+     6.15, -4.76, 5.45, -5.45]
+)  # fmt: skip
+# Envelope drawing 86-0129 of the VLP-16 Hi-Res, sheet 3: the same, by rank from the lowest.
+_HI_RES_OFFSET_MM = np.array([7.4, 6.5, 5.5, 4.6, 3.7, 2.7, 1.8, 0.9])
 
 
 def _hdl32e() -> Scanner:
     """HDL-32E: +10.67 to -30.67 deg in steps of 4/3 deg, fired low and middle in turn.
 
     The height of the optical centre is that of the drawings which ROS uses (package
-    velodyne_description, HDL-32E.urdf.xacro).
+    velodyne_description, HDL-32E.urdf.xacro); the vertical offsets stand in the envelope drawing
+    86-0106, sheet 2.
     """
     pair = np.repeat(np.arange(16), 2)
     lower = np.arange(32) % 2 == 0
@@ -309,15 +329,19 @@ def _hdl32e() -> Scanner:
         max_range_m=100.0,
         factory_byte=0x21,
         origin_height_m=0.09081,
+        vertical_offset_mm=_HDL32E_OFFSET_MM,
     )
 
 
-def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
+def _vlp16(
+    name: str, *, step_deg: float, factory_byte: int, offset_mm: NDArray[np.floating]
+) -> Scanner:
     """VLP-16: 16 lasers in even steps, two firings in a block of 32 channels.
 
     The steps are 2 deg (-15 to +15 deg), and 4/3 deg (-10 to +10 deg) of a Hi-Res; the timing is
     the same (VLP-16 manual, tables of vertical angles and of factory bytes). The origin is 37.7 mm
-    above the base (the same, "Sensor origin and frame of reference").
+    above the base (the same, "Sensor origin and frame of reference"). `offset_mm` are the vertical
+    offsets of the lower eight beams, from the lowest; those of the upper eight mirror them.
     """
     rank = np.arange(16) // 2 + np.where(np.arange(16) % 2 == 0, 0, 8)
     return _one_column(
@@ -331,6 +355,7 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
         max_range_m=100.0,
         factory_byte=factory_byte,
         origin_height_m=0.0377,
+        vertical_offset_mm=np.concatenate([offset_mm, -offset_mm[::-1]])[rank],
     )
 
 
@@ -350,7 +375,9 @@ _VLP32C_OFFSET_DEG = np.array(
 def _vlp32c() -> Scanner:
     """VLP-32C: two lasers fire at a time, every 2.304 us; ticks of 4 mm.
 
-    The origin is 37.34 mm above the base (manual, "Sensor origin and frame of reference").
+    The origin is 37.34 mm above the base (manual, "Sensor origin and frame of reference"). The
+    beams cross 42.4 mm in front of the axis; no document lists the offsets, which follow from that
+    length (it is the one that velodyne_decoder uses, src/calib_db.cpp).
     """
     return _one_column(
         "VLP-32C",
@@ -364,6 +391,7 @@ def _vlp32c() -> Scanner:
         max_range_m=200.0,
         factory_byte=0x28,
         origin_height_m=0.03734,
+        vertical_offset_mm=_crossing(_VLP32C_VERTICAL_DEG, 42.4),
         distance_tick_m=0.004,
     )
 
@@ -391,7 +419,8 @@ def _vls128() -> Scanner:
     blocks of a firing have the azimuth of its first group. Three firings fill a packet; with two
     returns it holds one, in eight blocks, and four blocks without a flag. 0x63 is the product byte
     of the manuals, 0xA1 that of delivered units (ROS driver). The origin is 66.11 mm above the base
-    (manual, "Sensor origin and frame of reference").
+    (manual, "Sensor origin and frame of reference"). The beams cross 58.63 mm in front of the axis
+    (velodyne_decoder, src/calib_db.cpp), from which the vertical offsets follow.
     """
     group = np.arange(128) // 8
     return _one_column(
@@ -406,6 +435,7 @@ def _vls128() -> Scanner:
         max_range_m=245.0,
         factory_byte=0xA1,
         origin_height_m=0.06611,
+        vertical_offset_mm=_crossing(_VLS128_VERTICAL_DEG, 58.63),
         other_factory_bytes=(0x63,),
         dual_packet_rate_hz=1.0 / 53.3e-6,
         distance_tick_m=0.004,
@@ -420,8 +450,15 @@ SCANNERS: dict[str, Scanner] = {
         _hdl64e("HDL-64E-S1", packet_rate_hz=2500.0, firing_cycle_s=100.0e-6, dual=False),
         _hdl64e("HDL-64E-S3", packet_rate_hz=3472.17, firing_cycle_s=48.0e-6),
         _hdl32e(),
-        _vlp16("VLP-16", step_deg=2.0, factory_byte=0x22),
-        _vlp16("VLP-16-Hi-Res", step_deg=4.0 / 3.0, factory_byte=0x24),
+        # Manual, table of vertical angles and vertical corrections: 11.2 to 0.7 mm, which is the
+        # drawing's 41.91 mm times the tangent of the angle, rounded.
+        _vlp16(
+            "VLP-16",
+            step_deg=2.0,
+            factory_byte=0x22,
+            offset_mm=_crossing(np.arange(-15.0, 0.0, 2.0), 41.91),
+        ),
+        _vlp16("VLP-16-Hi-Res", step_deg=4.0 / 3.0, factory_byte=0x24, offset_mm=_HI_RES_OFFSET_MM),
         _vlp32c(),
         _vls128(),
     )

@@ -90,7 +90,8 @@ class Joint(Section):
     near_points: bool = Field(
         default=True,
         description="whether the near-point corrections of the factory's file are part of what is "
-        'corrected; `false` takes one distance correction per laser as "before", as the paper',
+        'corrected, and of "before" in all residuals; `false` takes one distance correction per '
+        'laser as "before", as the paper',
     )
 
     def settings(self, scanner: Scanner, factory: LaserParameters) -> UnitSettings:

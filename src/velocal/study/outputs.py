@@ -18,6 +18,10 @@ from velocal.study.model import (
 _PROGRAMS = [name for name in DIALECTS if name != "paper"]
 
 
+#: Program for which a file is always written beside those of `Export`: it reads near-point
+#: corrections up to the far point, and accepts the YAML of ROS with other points.
+DECODER = "velodyne_decoder"
+
 Program = Annotated[str, known_as("program", _PROGRAMS), enum(_PROGRAMS)]
 
 

@@ -7,7 +7,7 @@ lasers exist, the others are filled with zeros.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError
@@ -47,7 +47,7 @@ TAGS = {
 INTENSITIES = {"min_intensity": "minIntensity_", "max_intensity": "maxIntensity_"}
 KEYS: lasers.Keys = TAGS | {name: (tag, UNCHANGED) for name, tag in INTENSITIES.items()}
 #: The comment in which files of this project say which point formula their numbers belong to.
-DIALECT = re.compile(rb"<!-- velocal: for the point formula of (\w+) -->")
+DIALECT = re.compile(rb"<!-- velocal: for the point formula of (\w+)(?: at ([\d.]+) Hz)? -->")
 #: Known misspellings of tags (VLS-128 files).
 MISSPELT = {"horizOffsetCorection_": "horizOffsetCorrection_"}
 #: Lists are never shorter.
@@ -75,7 +75,7 @@ def parse(path: Path) -> Document:
     database = _database(data, path)
     enabled = [number(item, "enabled_", str(path)) for item in _list(database, "enabled_")]
     intensities = {tag: _list(database, tag) for tag in INTENSITIES.values()}
-    found = []
+    found, disabled = [], []
     for index, px in enumerate(database.iterfind("points_/item/px")):
         entry: dict[str, object] = {MISSPELT.get(c.tag, c.tag): c.text for c in px}
         place = f"item {index}"
@@ -84,11 +84,13 @@ def parse(path: Path) -> Document:
         except CalibrationFileError:  # checked later
             laser = index
         if laser < len(enabled) and not enabled[laser]:
+            if not lasers.is_filler(KEYS, entry):
+                disabled.append(laser)
             continue
         entry |= {tag: items[laser] for tag, items in intensities.items() if laser < len(items)}
         found.append((place, entry))
     if not enabled:  # fillers are known by their place behind the last laser, and by their zeros
-        while found and _is_filler(found[-1][1]):
+        while found and lasers.is_filler(KEYS, found[-1][1]):
             found.pop()
     stated = DIALECT.search(data[-300:])
     return Document(
@@ -98,14 +100,12 @@ def parse(path: Path) -> Document:
         found,
         tick=("distLSB_", database.findtext("distLSB_"), METRES_PER_CENTIMETRE),
         dialect=stated[1].decode() if stated else None,
+        rotation_rate_hz=stated[2].decode() if stated and stated[2] else None,
         angle_hint=None,
         listed={tag: len(items) for tag, items in intensities.items() if items}
         | ({"enabled_": len(enabled)} if enabled else {}),
+        disabled=tuple(disabled),
     )
-
-
-def _is_filler(entry: Mapping[str, object]) -> bool:
-    return all(re.fullmatch(r"-?0*\.?0*", str(entry.get(tag) or 0)) for tag, _ in TAGS.values())
 
 
 def _database(data: bytes, path: Path) -> Element:
@@ -185,7 +185,8 @@ def write(path: Path, found: CalibrationFile) -> None:
         lines += _item(laser, row)
     lines += ["</points_>", "</DB>", "</boost_serialization>", ""]
     if found.dialect is not None:
-        lines.insert(-1, f"<!-- velocal: for the point formula of {found.dialect} -->")
+        rate = "" if found.rotation_rate_hz is None else f" at {found.rotation_rate_hz!r} Hz"
+        lines.insert(-1, f"<!-- velocal: for the point formula of {found.dialect}{rate} -->")
     storage.write_text(path, "\n".join(lines))
 
 

@@ -41,6 +41,9 @@ CARRIED = {
 #: Hint of the formats in radians for a vertical angle beyond the vertical.
 DEGREES_HINT = "The file seems to hold degrees where radians are expected."
 
+#: Key of the rotation rate in files of this project, and the largest one that is believed.
+RATE_KEY, MAX_RATE_HZ = "rotation_rate_hz", 50.0
+
 _Key = TypeVar("_Key")
 #: Values of one laser by our names, metres and radians.
 Values = Mapping[str, float]
@@ -73,6 +76,11 @@ class CalibrationFile:
         Covariances of two parameters of a laser, where they are known.
     provenance : mapping of str to object
         Where the numbers come from: plain values for JSON.
+    disabled : tuple of int
+        Lasers that the file turns off although it has values of them (XML only).
+    rotation_rate_hz : float or None
+        Rotation rate for which the rotational angles are, where a program turns the azimuths within
+        a firing in another way than the model; None if they are for any rate.
     """
 
     parameters: LaserParameters
@@ -82,6 +90,8 @@ class CalibrationFile:
     std: Mapping[str, Array] = field(default_factory=dict)
     covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
     provenance: Mapping[str, object] = field(default_factory=dict)
+    disabled: tuple[int, ...] = ()
+    rotation_rate_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -113,6 +123,10 @@ class Document:
     covariance : mapping of (str, str) to str
         Keys of covariances in the part ``covariance`` of a laser, by two parameters.
     provenance : mapping of str to object
+    disabled : tuple of int
+        Lasers that are left out because the file turns them off, and that hold values.
+    rotation_rate_hz : object
+        Rotation rate that the file states, if it does.
     """
 
     path: Path
@@ -129,6 +143,25 @@ class Document:
     std: Mapping[str, str] = field(default_factory=dict)
     covariance: Mapping[tuple[str, str], str] = field(default_factory=dict)
     provenance: Mapping[str, object] = field(default_factory=dict)
+    disabled: tuple[int, ...] = ()
+    rotation_rate_hz: object = None
+
+
+def is_filler(document_keys: Keys, entry: Mapping[str, object]) -> bool:
+    """Whether an entry has no value: lists of some files are filled up to 64 entries.
+
+    Parameters
+    ----------
+    document_keys : mapping
+        Keys of the format by our names.
+    entry : mapping of str to object
+        Values of a laser under the keys of the file.
+    """
+    names = (*PARAMETERS, *NEAR_POINT, "focal_distance", "focal_slope")
+    values = (entry.get(document_keys[name][0]) for name in names)
+    return all(
+        re.fullmatch(r"-?0*\.?0*", each) if isinstance(each, str) else not each for each in values
+    )
 
 
 def content(path: Path) -> bytes:
@@ -268,13 +301,13 @@ def tick_m(document: Document) -> float:
     Raises
     ------
     CalibrationFileError
-        If it is not a positive number, or is beyond 5 mm, where no scanner of Velodyne is.
+        If it is not a positive number, or is beyond 2 cm, ten times that of any scanner.
     """
     if document.tick is None or document.tick[1] is None:
         return DISTANCE_TICK_M
     key, stated, unit = document.tick
     found = number(stated, key, str(document.path), unit)
-    if not 0.0 < found <= 0.005:
+    if not 0.0 < found <= 0.02:
         raise CalibrationFileError(
             f"{key} is {found:g} m",
             where=str(document.path),
@@ -329,7 +362,7 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
                 hint=document.angle_hint,
             )
         by_id[laser], entries[laser] = known, found
-    _check_ids(path, set(by_id), n_lasers)
+    _check_ids(path, set(by_id), n_lasers, document.disabled)
     carried = [name for name in CARRIED if any(name in known for known in by_id.values())]
     rows = [neutral(by_id[laser]) for laser in sorted(by_id)]
     columns = {
@@ -349,7 +382,21 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         std=_columns(ordered, "std", document.std, path),
         covariance=_columns(ordered, "covariance", document.covariance, path),
         provenance=document.provenance,
+        disabled=document.disabled,
+        rotation_rate_hz=_rate_hz(document),
     )
+
+
+def _rate_hz(document: Document) -> float | None:
+    if document.rotation_rate_hz is None:
+        return None
+    where = str(document.path)
+    found = number(document.rotation_rate_hz, RATE_KEY, where)
+    if not 0.0 < found <= MAX_RATE_HZ:
+        raise CalibrationFileError(
+            f"{RATE_KEY} is {found:g}", where=where, allowed=f"above 0, up to {MAX_RATE_HZ:g} Hz"
+        )
+    return found
 
 
 def _columns(
@@ -366,18 +413,22 @@ def _columns(
     return found
 
 
-def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
+def _check_ids(
+    path: Path, ids: set[int], n_lasers: int | None, disabled: Sequence[int] = ()
+) -> None:
     wanted = set(range(len(ids) if n_lasers is None else n_lasers))
     if not ids:
         raise CalibrationFileError("holds no lasers", where=str(path))
     if ids == wanted:
         return
+    off = "The file turns lasers off (enabled_) that have values: set enabled_ to 1 to use them."
+    hint = off if (wanted - ids) & set(disabled) else None
     if ids == set(range(len(ids))):
         raise CalibrationFileError(
             f"holds {len(ids)} lasers",
             where=str(path),
             allowed=f"{n_lasers}, as the scanner has",
-            hint="Is this the file of another scanner?",
+            hint=hint or "Is this the file of another scanner?",
         )
     faults = {"missing": wanted - ids, "unknown": ids - wanted}
     raise CalibrationFileError(
@@ -388,6 +439,7 @@ def _check_ids(path: Path, ids: set[int], n_lasers: int | None) -> None:
         ),
         where=str(path),
         allowed=f"each of 0 to {len(wanted) - 1} once",
+        hint=hint,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Protocol
 from velocal.calibration.convert import convert
 from velocal.calibration.dialects import MANUAL, PAPER, Dialect, dialect_named
 from velocal.calibration.files.document import CalibrationFile, Document, checked
+from velocal.calibration.fit import check_fit
 from velocal.errors import CalibrationFileError
 from velocal.scanner.models import DISTANCE_TICK_M, Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
@@ -186,8 +187,8 @@ def dialect_of(found: CalibrationFile, path: Path) -> Dialect:
 def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserParameters:
     """Read a calibration file of any format as parameters of equations (1) to (3).
 
-    Numbers that were written for another dialect are converted. Near-point corrections of the
-    manufacturer are carried, but not part of the model.
+    Numbers that were written for another dialect are converted. Near-point corrections are
+    carried in the manner of the manual, but are not part of the model.
 
     Parameters
     ----------
@@ -206,7 +207,34 @@ def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserPar
     CalibrationFileError
         As `read_calibration`; also for a distance tick other than the scanner's `tick_m`.
     """
-    found = read_calibration(path, n_lasers)
+    return _of_model(_with_tick(read_calibration(path, n_lasers), tick_m, path), path)
+
+
+def read_for(path: Path, scanner: Scanner) -> CalibrationFile:
+    """Read a calibration file of any format as it is, and check that it is one of the scanner.
+
+    Parameters
+    ----------
+    path : Path
+    scanner : Scanner
+
+    Returns
+    -------
+    CalibrationFile
+        Numbers as the file has them.
+
+    Raises
+    ------
+    CalibrationFileError
+        As `read_calibration`; also for a distance tick of another scanner, and for the calibration
+        of another model.
+    """
+    found = read_calibration(path, scanner.n_lasers)
+    check_fit(found.parameters.v, scanner, str(path), found.scanner)
+    return _with_tick(found, scanner.distance_tick_m, path)
+
+
+def _with_tick(found: CalibrationFile, tick_m: float, path: Path) -> CalibrationFile:
     # Old files of scanners with another tick do not say which.
     if found.tick_m not in (tick_m, DISTANCE_TICK_M):
         raise CalibrationFileError(
@@ -215,9 +243,20 @@ def read(path: Path, n_lasers: int, tick_m: float = DISTANCE_TICK_M) -> LaserPar
             allowed=f"{tick_m} m",
             hint="Is this the file of another scanner?",
         )
+    return found
+
+
+def _of_model(
+    found: CalibrationFile, path: Path, scanner: Scanner | None = None
+) -> LaserParameters:
+    """Parameters of equations (1) to (3), with near-point corrections as the manual has them."""
     if found.dialect is None:
         return found.parameters
-    return convert(found.parameters, dialect_of(found, path), PAPER, inexact=True)
+    source, parameters = dialect_of(found, path), found.parameters
+    near = any(bool((each != parameters.dl).any()) for each in source.near(parameters))
+    target = MANUAL if near else PAPER
+    rate_hz = found.rotation_rate_hz
+    return convert(parameters, source, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
 
 
 def write(path: Path, found: CalibrationFile | LaserParameters) -> None:
@@ -255,8 +294,6 @@ def read_or_nominal(path: Path | None, scanner: Scanner) -> LaserParameters:
     Raises
     ------
     CalibrationFileError
-        As `read`.
+        As `read_for`.
     """
-    if path is None:
-        return nominal(scanner)
-    return read(path, scanner.n_lasers, scanner.distance_tick_m)
+    return nominal(scanner) if path is None else _of_model(read_for(path, scanner), path, scanner)

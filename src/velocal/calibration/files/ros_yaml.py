@@ -13,6 +13,8 @@ from velocal.errors import CalibrationFileError
 from velocal.io import storage
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
 
+#: Lists of scanners with so few lasers are filled up to this length by some converters.
+FILLED, FEW = 64, (16, 32)
 #: Keys of one laser.
 KEYS: lasers.Keys = {
     "dl": ("dist_correction", UNCHANGED),
@@ -26,6 +28,8 @@ KEYS: lasers.Keys = {
 
 def parse(path: Path) -> Document:
     """Parse the file; a laser without the two-point flag has it off, as in ROS.
+
+    Entries that only fill the list up to 64, as in files of 32 lasers, are left out.
 
     Parameters
     ----------
@@ -62,6 +66,12 @@ def parse(path: Path) -> Document:
                 f"is of type {type(entry).__name__}", where=f"{where}, {place}"
             )
         found.append((place, {TWO_POINT: False} | entry))
+    stated = document.get("num_lasers")
+    for n_lasers in FEW:
+        rest = found[n_lasers:]
+        if len(found) == FILLED and all(lasers.is_filler(KEYS, entry) for _, entry in rest):
+            stated = n_lasers if stated == FILLED else stated
+            del found[n_lasers:]
     dialect = document.get("dialect")
     return Document(
         path,
@@ -70,8 +80,9 @@ def parse(path: Path) -> Document:
         found,
         required=("alpha", "v"),  # velodyne_decoder leaves out a distance correction of zero
         tick=("distance_resolution", document.get("distance_resolution"), UNCHANGED),
-        stated=document.get("num_lasers"),
+        stated=stated,
         dialect=None if dialect is None else str(dialect),
+        rotation_rate_hz=document.get(lasers.RATE_KEY),
     )
 
 
@@ -79,8 +90,8 @@ def write(path: Path, found: CalibrationFile) -> None:
     """Write all the keys that drivers ask for.
 
     Where the set carries no flag, it is set as the ROS driver's converter of XML does: where both
-    near-point corrections are other than zero. The dialect stands under a key that no reader asks
-    for.
+    near-point corrections are other than zero. The dialect and the rotation rate stand under keys
+    that no reader asks for.
 
     Parameters
     ----------
@@ -107,6 +118,8 @@ def write(path: Path, found: CalibrationFile) -> None:
     }
     if found.dialect is not None:
         document["dialect"] = found.dialect
+    if found.rotation_rate_hz is not None:
+        document[lasers.RATE_KEY] = found.rotation_rate_hz
     storage.write_text(path, yaml.safe_dump(document, default_flow_style=False))
 
 

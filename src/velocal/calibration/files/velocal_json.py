@@ -25,7 +25,10 @@ STD = {name: OWN_KEYS[name][0] for name in PARAMETERS}
 COVARIANCE = {
     pair: "*".join(STD[k] for k in pair) for pair in itertools.combinations(PARAMETERS, 2)
 }
-_TOP = ("format", "version", "scanner", "dialect", "distance_resolution_m", "provenance", "lasers")
+_TOP = (
+    "format", "version", "scanner", "dialect", "distance_resolution_m", lasers.RATE_KEY,
+    "provenance", "lasers",
+)  # fmt: skip
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -103,6 +106,7 @@ def parse(path: Path) -> Document:
         std=STD,
         covariance=COVARIANCE,
         provenance=content["provenance"],
+        rotation_rate_hz=content.get(lasers.RATE_KEY),
     )
 
 
@@ -136,6 +140,7 @@ def write(path: Path, found: CalibrationFile) -> None:
         "scanner": found.scanner,
         "dialect": found.dialect or "paper",
         "distance_resolution_m": found.tick_m,
+        **({} if found.rotation_rate_hz is None else {lasers.RATE_KEY: found.rotation_rate_hz}),
         "provenance": storage.finite(dict(found.provenance)),
     }
     top = json.dumps(head, indent=1, allow_nan=False)[:-2]

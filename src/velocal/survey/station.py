@@ -19,9 +19,10 @@ from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.io import storage
 from velocal.survey.targets import (
-    SurveyCovariances,
     Targets,
+    check_covariance,
     common,
+    read_covariances,
     read_targets,
     shifted_plane,
 )
@@ -344,7 +345,7 @@ def adjust_station(
     >>> [plane.patch.name for plane in station.planes]
     ['short_wall', 'long_wall', 'floor']
     """
-    known = SurveyCovariances.from_json(storage.read_json(Path(covariance))) if covariance else None
+    known = read_covariances(covariance) if covariance else None
     on_planes = read_targets(Path(planes), "plane")
     return Station.adjust(
         on_planes,
@@ -381,7 +382,7 @@ def read_base(
     found = read_targets(Path(base_site), "position").of(position, where=str(base_site))
     if covariance is None:
         return found
-    known = SurveyCovariances.from_json(storage.read_json(Path(covariance)))
+    known = read_covariances(covariance)
     return known.of_base(found, position, where=str(covariance))
 
 
@@ -401,6 +402,8 @@ def read_station(path: str | Path) -> Station:
     ------
     StorageError
         If the file is missing, is no JSON, or lacks a value.
+    SurveyError
+        If a matrix in it is no covariance.
 
     Examples
     --------
@@ -409,13 +412,17 @@ def read_station(path: str | Path) -> Station:
     """
     content = storage.read_json(Path(path))
     try:
-        return Station.from_json(content)
-    except (KeyError, TypeError) as error:
+        found = Station.from_json(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StorageError(
             f"is not the survey of a position: {error}",
             where=str(path),
             hint="Delete the file, and run the rule adjust_survey again.",
         ) from None
+    check_covariance(found.pose.covariance, 6, f"{path}, pose")
+    for patch in found.patches:
+        check_covariance(patch.plane.covariance, 4, f"{path}, plane {patch.name!r}")
+    return found
 
 
 def _number(value: float | None) -> float:

@@ -19,7 +19,7 @@ from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.lint import BY_LASERS
 from velocal.calibration.lint import lint as find_faults
-from velocal.cli.common import escape, print_json
+from velocal.cli.common import escape, print_json, say
 from velocal.errors import ConfigError
 from velocal.io.storage import write_csv
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
@@ -90,7 +90,7 @@ def show(
     texts |= {SHORT.get(k, k): [f"{x:.6g}" for x in values] for k, values in columns.items()}
     widths = [max(map(len, (name, *cells))) for name, cells in texts.items()]
     for row in (texts.keys(), *zip(*texts.values(), strict=True)):
-        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
+        say("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
 
 
 @app.command()
@@ -107,9 +107,9 @@ def lint(
     for file in files:
         findings = find_faults(file, known)
         for finding in findings:
-            print(f"{file}: {finding.code}: {finding.text}")
+            say(f"{file}: {finding.code}: {finding.text}")
         if not findings:
-            print(f"{file}: no problems found")
+            say(f"{file}: no problems found")
         faults += len(findings)
     if faults:
         raise typer.Exit(1)
@@ -179,12 +179,12 @@ def convert_file(
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
-    print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
+    say(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
-        print(differences(found.parameters, before, parameters, after, known, rate))
+        say(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
-        print("Standard deviations belong to the other dialect and were left out")
+        say("Standard deviations belong to the other dialect and were left out")
 
 
 @app.command()
@@ -221,7 +221,9 @@ def diff(
         (one, a.parameters), (other, b.parameters), at, scanner=known, rate_hz=rate_hz or RATE_HZ
     )
     labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
-    table = Table("range", "median", "95 %", "largest", "of laser", title=" against ".join(labels))
+    table = Table(
+        "range", "median", "95 %", "largest", "of laser", title=escape(" against ".join(labels))
+    )
     for column in table.columns:
         column.justify = "right"
     for range_m, row in zip(at, 100.0 * apart, strict=True):

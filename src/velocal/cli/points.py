@@ -10,7 +10,17 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.cli.common import Address, File, Port, Returns, ScannerName, escape, progress, scanned
+from velocal.cli.common import (
+    Address,
+    File,
+    Port,
+    Returns,
+    ScannerName,
+    escape,
+    progress,
+    say,
+    scanned,
+)
 from velocal.errors import ConfigError
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
@@ -98,9 +108,9 @@ def points(
             number += len(columns["x"])
             moved += float(columns["shift"].sum()) if before is not None else 0.0
             bar.advance(task, packets)
-    print(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
+    say(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
     if before is not None:
-        print(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
+        say(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
     if picture is not None and settings.before is not None:
         from velocal.points.picture import before_and_after
         from velocal.reporting.style import save  # matplotlib takes a second to load
@@ -113,7 +123,7 @@ def points(
             f"{file.name}, {known.name}, {len(some)} rotations",
         )
         save(figure, picture.with_suffix(".svg"), picture)
-        print(f"{picture}: before and after")
+        say(f"{picture}: before and after")
 
 
 def _calibration(name: str, scanner: Scanner) -> LaserParameters:

@@ -19,6 +19,7 @@ from velocal.cli.common import (
     escape,
     print_json,
     progress,
+    say,
     scanned,
 )
 from velocal.errors import ConfigError
@@ -116,7 +117,7 @@ def decode(
             returns=returns,
             source=recording.source,
         )
-    print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
+    say(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
 
 
 def from_recording(
@@ -130,4 +131,4 @@ def from_recording(
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
-    print(f"{output}: {status.tables_text}")
+    say(f"{output}: {status.tables_text}")

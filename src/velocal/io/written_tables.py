@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from velocal.errors import VelocalError
+from velocal.errors import VelocalError, hidden
 
 #: A table that people write is small.
 LARGEST_BYTES = 50_000_000
@@ -186,9 +186,9 @@ def _lines(path: Path, error: type[VelocalError], separators: str) -> list[tuple
         ) from None
     found = []
     for number_, raw in enumerate(re.split(r"\r\n|\n|\r", text), start=1):
-        if control := re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", raw):
+        if not raw.isprintable() and (code := hidden(raw.replace("\t", ""))):
             raise error(
-                f"the line holds the control character U+{ord(control[0]):04X}",
+                f"the line holds {code}, a character that cannot be seen",
                 where=f"{where}, row {number_}",
                 hint="Delete it, or save the table anew. " + _SAVE,
             )

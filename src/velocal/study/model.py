@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from velocal.errors import ConfigError
+from velocal.errors import ConfigError, hidden
 from velocal.scanner.models import SCANNERS
 
 #: Type of the errors that `fault` makes.
@@ -235,8 +235,8 @@ class _Walk:
         of_survey = place.startswith("survey.")
         if len(value) > LONGEST:
             told, allowed = f"a text of {len(value)} characters", f"up to {LONGEST}"
-        elif control := re.search(r"[\x00-\x1f\x7f-\x9f]", value):
-            told = f"{value!r} holds the control character U+{ord(control[0]):04X}"
+        elif code := hidden(value):
+            told = f"{value!r} holds {code}, a character that cannot be seen"
             allowed = "text in one line"
         elif re.search("[{}]", value.replace(RESULTS_FOLDER, "") if of_survey else value):
             told = f"{value!r} holds a brace"

@@ -113,7 +113,7 @@ def read_written_table(
         Of the class `error`: if the file is missing or no UTF-8 text, a heading is missing,
         unknown or doubled, or a row has more or fewer values than there are headings.
     """
-    known = (*required, *(optional or ()))
+    known = tuple(dict.fromkeys((*required, *(optional or ()))))
     lines = _lines(path, error, SEPARATORS[separator])
     if not lines:
         raise error(
@@ -125,10 +125,8 @@ def read_written_table(
     head_line, headings = lines[0][0], _cells(path, lines[0], found, error)
     while headings and not headings[-1]:
         headings.pop()
-    any_other = headings if optional is None else ()
-    _check_headings(
-        headings, required, (*known, *any_other), f"{path}, row {head_line}", error, separator
-    )
+    head = f"{path}, row {head_line}"
+    _check_headings(headings, required, None if optional is None else known, head, error, separator)
     numbers: list[int] = []
     columns: dict[str, list[str]] = {name: [] for name in headings}
     for line in lines[1:]:
@@ -231,25 +229,30 @@ def _cells(
 def _check_headings(
     headings: Sequence[str],
     required: Sequence[str],
-    known: Sequence[str],
+    known: Sequence[str] | None,
     where: str,
     error: type[VelocalError],
     separator: str,
 ) -> None:
-    allowed = ", ".join(known)
+    """Check the line of headings; any others than the required ones are allowed if `known` is None.
+
+    Raises
+    ------
+    VelocalError
+        Of the class `error`.
+    """
+    allowed = ", ".join(known or required)
+    missing = [name for name in required if name not in headings]
+    odd = [name for name in headings if known is not None and name not in known]
+    if missing or odd:
+        what = f"missing column {missing[0]!r}" if missing else f"unknown column {odd[0]!r}"
+        others = odd or headings
+        hint = f"The table has: {', '.join(headings)}."
+        if len(headings) == 1:
+            hint = f"Separate the columns by {SEPARATORS[separator]}."
+        elif like := difflib.get_close_matches(others[0], missing or known or (), n=1):
+            hint = f"The table has {others[0]!r}. Did you mean {like[0]!r}?"
+        raise error(what, where=where, allowed=allowed, hint=hint)
     for name in headings:
         if headings.count(name) > 1:
             raise error(f"the column {name!r} occurs twice", where=where, allowed=allowed)
-    missing = [name for name in required if name not in headings]
-    odd = [name for name in headings if name not in known]
-    if not missing and not odd:
-        return
-    what = f"missing column {missing[0]!r}" if missing else f"unknown column {odd[0]!r}"
-    hint = None
-    if len(headings) == 1 and len(known) > 1:
-        hint = f"The headings are not separated. Separate the columns by {SEPARATORS[separator]}."
-    elif odd and (like := difflib.get_close_matches(odd[0], missing or known, n=1)):
-        hint = f"The table has {odd[0]!r}. Did you mean {like[0]!r}?"
-    elif missing and odd:
-        hint = f"The table has: {', '.join(headings)}."
-    raise error(what, where=where, allowed=allowed, hint=hint)

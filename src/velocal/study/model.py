@@ -219,9 +219,9 @@ class _Walk:
         finite = isinstance(value, int) or math.isfinite(value)
         if finite and (value == 0 or 1 / LARGEST <= abs(value) <= LARGEST):
             return
-        said = f"{value!r} is not finite" if not finite else f"{value:.3g}"
-        if isinstance(value, int):
-            said = "a whole number that is too large" if abs(value) > 1e100 else str(value)
+        said = f"{value!r} is not finite" if not finite else f"{value!r}"
+        if isinstance(value, int) and len(said) > 30:
+            said = f"a whole number of {len(str(abs(value)))} digits"
         raise ConfigError(
             f"{place}: {said}" if place else said,
             where=self.where,
@@ -281,8 +281,16 @@ def _translated(error: ErrorDetails, model: type[BaseModel], where: str) -> Conf
         return ConfigError(f"unknown key {place!r}", where=where, allowed=allowed, hint=hint)
     if kind == "string_type" and isinstance(value, int | float):
         hint = "Write it in quotes."
-    if kind == "float_parsing" and "," in str(value):
+    if kind in ("float_type", "float_parsing") and re.fullmatch(r"-?[0-9]+,[0-9]+", str(value)):
         hint = "Write a point before the decimals."
+    elif kind in ("float_type", "int_type") and re.fullmatch(r"-?[0-9.]+", str(value)):
+        hint = "Write it without quotes."
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        allowed = "keys with values"
+    if kind in ("string_too_short", "too_short"):
+        allowed = "one or more" if kind == "too_short" else "a text"
+    if kind == "int_parsing":
+        allowed = "a whole number"
     said = f"{value!r} is not a name" if kind == "string_pattern_mismatch" else repr(value)
     if kind == "finite_number" or (isinstance(value, float) and not math.isfinite(value)):
         said, allowed = f"{value!r} is not finite", "a finite number"

@@ -2,8 +2,8 @@
 
 pip asks the back end of a source distribution for its name and version before it downloads it.
 The archives of `make nist` name `setuptools.build_meta`, which would run their code, and with
-build isolation the newest setuptools, which no hash pins. `make nist` puts this module in its place:
-it hands over the text of `PKG-INFO`, and can do nothing else.
+build isolation the newest setuptools, which no hash pins. `make nist` puts this module in its
+place: it hands over the text of `PKG-INFO`, and can do nothing else.
 """
 
 import re

@@ -27,7 +27,7 @@ from velocal.simulation.truth import (
     unit_truth,
 )
 from velocal.simulation.world import World, load
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 from velocal.survey.network.survey import adjust_field_book
 
 #: Ranges at which points are judged, metres.

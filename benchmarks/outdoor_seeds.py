@@ -28,7 +28,7 @@ from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, SCANNERS
 from velocal.simulation import truth, world
 from velocal.simulation.outdoor import outdoor_scene
 from velocal.simulation.scene import Scene, cast, site_scene
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 from velocal.study.study import read_study
 
 PLANES = 3

@@ -23,8 +23,9 @@ from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
 from velocal.study.config import StudyConfig, Unsurveyed
-from velocal.study.model import read_yaml, validated
+from velocal.study.model import validated
 from velocal.study.planes import PlaneSearch
+from velocal.study.reading import read_yaml
 from velocal.study.samples import UnsurveyedSample, read_samples
 
 ROOT = Path(__file__).parents[1]

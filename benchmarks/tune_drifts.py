@@ -29,7 +29,7 @@ from velocal.paper.tuning import value_at, with_values
 from velocal.recording.recording import open_recording
 from velocal.simulation import capture, truth, world
 from velocal.simulation.survey import field_book
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 from velocal.study.samples import WINDOWS
 from velocal.study.study import read_study
 from velocal.survey.network.survey import adjust_field_book

@@ -3,9 +3,62 @@
 from __future__ import annotations
 
 import sys
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+#: Categories of Unicode that show nothing, or change how a terminal or a reader shows the rest:
+#: controls, formats (bidirectional controls among them), lone surrogates, separators of lines.
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+
+
+def hidden(text: str) -> str | None:
+    """Find the first character of a text that would not be seen.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str or None
+        Its code, as ``U+001B``; None if all characters are seen.
+    """
+    found = next((one for one in text if unicodedata.category(one) in _HIDDEN), None)
+    return None if found is None else f"U+{ord(found):04X}"
+
+
+def visible(text: str, *, newlines: bool = False) -> str:
+    r"""Text of a file or of a device as it may be shown: nothing in it acts on a terminal.
+
+    Everything that goes to a terminal, a log or a message passes here: control characters (the
+    escape sequences of terminals begin with one), bidirectional controls, invisible characters and
+    bytes of file names that are no UTF-8 are replaced by their codes.
+
+    Parameters
+    ----------
+    text : str
+    newlines : bool
+        Whether ends of lines remain: in texts that velocal itself puts together.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> visible("wall\x1b[31m 1")
+    'wall\\x1b[31m 1'
+    """
+    if text.isprintable():  # most texts
+        return text
+    return "".join(
+        ascii(one)[1:-1]
+        if unicodedata.category(one) in _HIDDEN and not (newlines and one == "\n")
+        else one
+        for one in text
+    )
 
 
 class VelocalError(Exception):
@@ -40,7 +93,7 @@ class VelocalError(Exception):
             text += f" (allowed: {self.allowed})"
         if self.hint:
             text += f"\nHint: {self.hint}"
-        return text
+        return visible(text, newlines=True)
 
     def __reduce__(self) -> tuple[object, ...]:
         # Errors cross process borders; the default would call __init__ with the finished text.

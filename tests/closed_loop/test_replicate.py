@@ -11,7 +11,7 @@ from support.world import changed
 
 from velocal.paper import printed, replicate, tuning
 from velocal.paper.agreement import judged
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 from velocal.study.study import read_study
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from velocal.simulation import world
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 
 CONTENT = read_yaml(Path(__file__).resolve().parents[2] / "config/world.yaml")
 WORLD = world.load(CONTENT)

@@ -108,3 +108,19 @@ def test_every_locked_entry_has_sha256_hashes():
 def test_lock_holds_no_address():
     found = re.findall(r".*(?:://|file:|--index|--extra-index|--find-links|-i |-f ).*", LOCK)
     assert not found
+
+
+def test_nist_archives_have_hashes_and_no_address():
+    text = (ROOT / "tests/reference/nist-requirements.txt").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    for line in lines:
+        assert re.fullmatch(r"[\w-]+==[\w.]+ --hash=sha256:[0-9a-f]{64}", line)
+
+
+def test_actions_are_named_by_commit():
+    for path in (ROOT / ".github/workflows").iterdir():
+        used = re.findall(r"uses: *(\S+)(.*)", path.read_text())
+        assert used
+        for action, comment in used:
+            assert re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action), action
+            assert re.fullmatch(r" # v[\d.]+", comment), f"{action}: the version as a comment"

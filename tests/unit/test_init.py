@@ -11,7 +11,7 @@ from velocal.reduction.assignment import Limits
 from velocal.scanner.models import SCANNERS
 from velocal.study.adjustment import Adjustment
 from velocal.study.config import StudyConfig
-from velocal.study.model import read_yaml
+from velocal.study.reading import read_yaml
 from velocal.study.schema import keys
 from velocal.study.study import read_study
 from velocal.survey.targets import read_targets

@@ -26,8 +26,8 @@ from velocal.simulation import building, capture
 from velocal.simulation.survey import base_targets_true
 from velocal.simulation.truth import factory_parameters, unit_truth
 from velocal.study.figures import MapFigure
-from velocal.study.model import read_yaml
 from velocal.study.planes import Box
+from velocal.study.reading import read_yaml
 from velocal.survey.targets import Targets, write_targets
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -352,10 +352,10 @@ def test_field_book_round_trip(tmp_path, book):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("network", "zenith_deg", "zenith_gon", "missing or unknown column 'zenith_deg'"),
+        ("network", "zenith_deg", "zenith_gon", "missing column 'zenith_deg'"),
         ("network", "S1,short_wall_c001,1", "S1,short_wall_c001,x1", "is no number"),
-        ("network", ",2.008", ",0", "std_distance_mm is missing or not positive"),
-        ("base_readings", "HDL-64E,B1,-0.3", "HDL-64E,B1,,-0.3", "cannot be read|missing"),
+        ("network", ",2.008", ",0", "std_distance_mm is not positive: '0"),
+        ("base_readings", "HDL-64E,B1,-0.3", "HDL-64E,B1,,-0.3", "row 2: the row has 9 values"),
         ("images", ",3.35,", ",,", "std_um"),
         ("points", "floor_t001,", "floor_t002,", "'floor_t002' occurs twice"),
     ],

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from velocal.paper import figures
 from velocal.study.config import StudyConfig
-from velocal.study.model import read_yaml, validated
+from velocal.study.model import validated
+from velocal.study.reading import read_yaml
 
 ROOT = Path(__file__).parents[2]
 TABLE = figures.figures()

@@ -10,7 +10,8 @@ from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, load, read
 from velocal.study.config import StudyConfig
 from velocal.study.files import check_files
-from velocal.study.model import read_yaml, validated
+from velocal.study.model import validated
+from velocal.study.reading import read_yaml
 from velocal.study.samples import OutdoorSample, SurveyedSample, UnsurveyedSample, read_samples
 from velocal.study.schema import FILES, keys, outputs
 from velocal.study.study import read_study
@@ -69,7 +70,7 @@ def test_a_scanner_may_be_chosen_in_a_sample_table(root, config, tmp_path):
     assert chosen[:2] == [(2369, "192.168.1.202"), (None, "/left/velodyne_packets")]
     assert set(chosen[2:]) == {(None, None)}
     sheet.write_text(sheet.read_text().replace("2369", "x"))
-    with pytest.raises(ConfigError, match="row 1: port"):
+    with pytest.raises(ConfigError, match="row 2: port"):
         read_study(config | {"samples": str(sheet)}, "config")
 
 
@@ -247,9 +248,12 @@ COLUMNS = "sample\tscanner\tposition\trecording\tcalibration\n"
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("../../evil\tHDL-64E\tP1\tx.bin\tnominal\n", "row 1.*is not a name"),
-        ("ok; touch x #\tHDL-64E\tP1\tx.bin\tnominal\n", "row 1"),
-        ("a\tHDL-64E\tP1\tx.bin\tnominal\na\tHDL-64E\tP1\ty.bin\tnominal\n", "row 2.*occurs twice"),
+        ("../../evil\tHDL-64E\tP1\tx.bin\tnominal\n", "row 2.*is not a name"),
+        ("ok; touch x #\tHDL-64E\tP1\tx.bin\tnominal\n", "row 2: the row has 1 values"),
+        (
+            "a\tHDL-64E\tP1\tx.bin\tnominal\na\tHDL-64E\tP1\ty.bin\tnominal\n",
+            "row 3.*occurs twice.*\n.*Row 2 has",
+        ),
         ("a\tHDL-63E\tP1\tx.bin\tnominal\n", "'HDL-63E'.*allowed: HDL-64E"),
         ("a\tHDL-64E\tP1\t\tnominal\n", "recording"),
     ],

@@ -10,11 +10,12 @@ from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
 from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
 from velocal.study.study import read_study
+from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW.parent / "scripts"
-CONFIG_NAME = "configuration"
+CONFIG_NAME = ", ".join(map(str, workflow.configfiles)) or "configuration"
 
 try:
     STUDY = read_study(config, CONFIG_NAME)
@@ -27,6 +28,7 @@ try:
     check_files(STUDY, CONFIG_NAME)
     if workflow.is_main_process:
         check_times(Path(RESULTS))
+    check_survey(STUDY)
 except VelocalError as error:
     raise WorkflowError(str(error)) from None
 

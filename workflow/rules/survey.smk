@@ -14,6 +14,7 @@
 #       survey, or of a recording against it, stops the run here
 #       {results}/survey/checks_planes.csv   what every sample says of every plane
 
+from velocal.errors import visible
 from velocal.survey.checks.findings import read_findings
 
 SURVEY, OBSERVATIONS = STUDY.coordinates, STUDY.observations
@@ -77,7 +78,7 @@ rule adjust_survey:
 # The last lines of a run repeat what the top of the report says.
 onsuccess:
     for warning in read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []:
-        print(f"Warning: {warning}")
+        print(visible(f"Warning: {warning}"))
 
 
 rule check_survey:

@@ -37,14 +37,14 @@ def main() -> None:
         with stopped_cleanly():
             code = app(standalone_mode=False)
     except VelocalError as error:
-        errors.print(f"[bold red]Error:[/] {escape(str(error))}")
+        errors.print(f"[bold red]Error:[/] {escape(str(error), newlines=True)}")
         sys.exit(1)
     except typer.TyperException as error:
         # Without a message it is a call without arguments, and the help has been printed.
         if message := error.format_message():
             context = getattr(error, "ctx", None)
             called = context.command_path if context else "velocal"
-            errors.print(f"[bold red]Error:[/] {escape(message)}")
+            errors.print(f"[bold red]Error:[/] {escape(message, newlines=True)}")
             errors.print(f"Hint: `{called} --help` shows what is possible.")
         sys.exit(error.exit_code)
     except typer.Abort:

@@ -27,7 +27,7 @@ from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.calibration.fit import check_fit, fitting
 from velocal.calibration.lint import lint as find_faults
-from velocal.cli.common import Force, escape, print_json
+from velocal.cli.common import Force, escape, print_json, say
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 from velocal.io.storage import write_csv
@@ -101,7 +101,7 @@ def show(
     texts |= {SHORT.get(k, k): [f"{x:.6g}" for x in values] for k, values in columns.items()}
     widths = [max(map(len, (name, *cells))) for name, cells in texts.items()]
     for row in (texts.keys(), *zip(*texts.values(), strict=True)):
-        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
+        say("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
 
 
 @app.command()
@@ -118,9 +118,9 @@ def lint(
     for file in files:
         findings = find_faults(file, known)
         for finding in findings:
-            print(f"{file}: {finding.code}: {finding.text}")
+            say(f"{file}: {finding.code}: {finding.text}")
         if not findings:
-            print(f"{file}: no problems found")
+            say(f"{file}: no problems found")
         faults += len(findings)
     if faults:
         raise typer.Exit(1)
@@ -198,16 +198,16 @@ def convert_file(
     )
     lost = (found.std or found.covariance) and before != after
     formats.write(target, replace(result, std={}, covariance={}) if lost else result)
-    print(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
+    say(f"{target}: {len(parameters)} lasers, {before.name} to {after.name}")
     if found.disabled:
-        print(f"Left out, as {source.name} turns them off: {_listed(found)}")
+        say(f"Left out, as {source.name} turns them off: {_listed(found)}")
     if inexact and before != after:
         rate = rate_hz or RATE_HZ
         if near:
-            print(f"{after.name} is not {before.name}: {'; '.join(near)}")
-        print(differences(found.parameters, before, parameters, after, known, rate))
+            say(f"{after.name} is not {before.name}: {'; '.join(near)}")
+        say(differences(found.parameters, before, parameters, after, known, rate))
     if lost:
-        print("Standard deviations belong to the other dialect and were left out")
+        say("Standard deviations belong to the other dialect and were left out")
 
 
 @app.command()
@@ -247,7 +247,9 @@ def diff(
         (one, a.parameters), (other, b.parameters), at, scanner=known, rate_hz=rate_hz or RATE_HZ
     )
     labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
-    table = Table("range", "median", "95 %", "largest", "of laser", title=" against ".join(labels))
+    table = Table(
+        "range", "median", "95 %", "largest", "of laser", title=escape(" against ".join(labels))
+    )
     for column in table.columns:
         column.justify = "right"
     for range_m, row in zip(at, 100.0 * apart, strict=True):

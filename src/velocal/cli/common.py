@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import markup
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
+from velocal.errors import visible
 from velocal.io.storage import finite
 from velocal.recording.recording import Recording, open_recording
 from velocal.scanner.models import SCANNERS, scanner_named
@@ -53,9 +55,21 @@ def print_json(facts: Mapping[str, Any]) -> None:
     print(json.dumps(finite(facts), indent=1, allow_nan=False))
 
 
-def escape(text: str) -> str:
-    """Protect a text from being read as markup of the console."""
-    return text.replace("[", r"\[")
+def escape(text: str, *, newlines: bool = False) -> str:
+    """Protect a text from being read as markup of the console, and from acting on the terminal.
+
+    Parameters
+    ----------
+    text : str
+    newlines : bool
+        As of `velocal.errors.visible`.
+    """
+    return markup.escape(visible(text, newlines=newlines))
+
+
+def say(text: str) -> None:
+    """Print what a command did; file names in it may hold anything."""
+    print(visible(text, newlines=True))
 
 
 @contextmanager

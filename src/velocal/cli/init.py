@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from velocal.cli.common import say
 from velocal.scanner.models import SCANNERS, scanner_named
 from velocal.study.template import CAPTURES, FACTORY, write_study
 
@@ -29,9 +30,9 @@ def init(
     """Write a ready folder for your own study: configuration, sample table, survey templates."""
     known = scanner_named(scanner, where="--scanner")
     for path in write_study(folder, known, positions, checkout / "workflow/Snakefile"):
-        print(f"wrote {path}")
+        say(f"wrote {path}")
     factory = f", the factory's calibration as {folder / FACTORY}" if known.has_factory_file else ""
-    print(
+    say(
         f"""
 Next:
 1. Put the captures into {folder / CAPTURES}{factory}; see {folder / "samples.tsv"}.

@@ -21,6 +21,7 @@ from velocal.cli.common import (
     ScannerName,
     escape,
     progress,
+    say,
     scanned,
 )
 from velocal.errors import ConfigError
@@ -116,15 +117,15 @@ def points(
             number += len(columns["x"])
             moved += float(columns["shift"].sum()) if before is not None else 0.0
             bar.advance(task, packets)
-    print(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
+    say(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
     rate_hz = rotation_rate_hz(inspection, chosen)
     read = [(calibration, applied(settings.parameters, known, rate_hz))]
     if before is not None and settings.before is not None:
         read.insert(0, (before, applied(settings.before, known, rate_hz)))
-        print(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
+        say(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")
     for name, each in read:
         if each.left_out:
-            print(f"{name}: {each.left_out}")
+            say(f"{name}: {each.left_out}")
     if picture is not None:
         from velocal.points.picture import before_and_after
         from velocal.reporting.style import save  # matplotlib takes a second to load
@@ -137,7 +138,7 @@ def points(
             f"{file.name}, {known.name}, {len(some)} rotations",
         )
         save(figure, picture.with_suffix(".svg"), picture)
-        print(f"{picture}: before and after")
+        say(f"{picture}: before and after")
 
 
 def _calibration(name: str, scanner: Scanner) -> CalibrationFile | LaserParameters:

@@ -20,6 +20,7 @@ from velocal.cli.common import (
     escape,
     print_json,
     progress,
+    say,
     scanned,
 )
 from velocal.errors import ConfigError
@@ -120,7 +121,7 @@ def decode(
             returns=returns,
             source=recording.source,
         )
-    print(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
+    say(f"{output}: {rows} returns of {len(chosen)} rotations ({known.name})")
 
 
 def from_recording(
@@ -136,4 +137,4 @@ def from_recording(
     check_outputs([output], [file], overwrite=force)
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
-    print(f"{output}: {status.tables_text}")
+    say(f"{output}: {status.tables_text}")

@@ -131,6 +131,8 @@ def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableW
         # dictionaries.
         "use_dictionary": [field.name for field in schema if field.type == pa.uint8()],
         "column_encoding": dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
+        # Without them most damaged bytes would be read as other numbers.
+        "write_page_checksum": True,
     }
     with new_file(path) as file, pq.ParquetWriter(file, described, **options) as writer:
         yield TableWriter(writer, described)
@@ -159,11 +161,32 @@ def read_table(
         If the file is damaged, or of another kind or version.
     """
     try:
-        table = pq.read_table(path, columns=columns)
-    except (OSError, pa.ArrowException) as error:
-        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
-    facts = _facts(table.schema, schema, path)
-    return {name: table[name].to_numpy() for name in table.column_names}, facts
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            facts = _facts(file.schema_arrow, schema, path)
+            _check_columns(file.schema_arrow, schema, path)
+            table = file.read(columns=columns)
+        # A damaged page may be read as something that is no number of the column's type.
+        table.validate(full=True)
+        return {name: table[name].to_numpy() for name in table.column_names}, facts
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0] if str(error) else "no memory for what it states"
+        raise StorageError(
+            f"cannot be read: {reason}",
+            where=str(path),
+            hint="The file is damaged: delete it, and make it again.",
+        ) from None
+
+
+def _check_columns(found: pa.Schema, schema: pa.Schema, path: Path) -> None:
+    """Check that a table has the columns of a schema, of the same types and in the same order."""
+    if found.names == schema.names and found.types == schema.types:
+        return
+    raise StorageError(
+        f"has the columns {', '.join(found.names)}",
+        where=str(path),
+        allowed=", ".join(schema.names),
+        hint="Make the file again with this version of velocal.",
+    )
 
 
 def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
@@ -173,7 +196,7 @@ def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
         expected, value = schema.metadata[key], metadata.get(key, b"none")
         if value != expected:
             raise StorageError(
-                f"{key.decode()} is {value.decode()!r}",
+                f"{key.decode()} is {value.decode(errors='replace')!r}",
                 where=str(path),
                 allowed=repr(expected.decode()),
                 hint="Make the file again with this version of velocal.",

@@ -17,9 +17,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import MultipleLocator
 
 from velocal.arrays import Array
+from velocal.errors import hidden, visible
 from velocal.io.storage import write_blocks
 from velocal.study.figures import HistogramFigure, LaserFigure
 
@@ -74,6 +76,7 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
     svg, png : Path
     """
     with style():
+        _plain_texts(figure)
         FigureCanvasAgg(figure)
         for path, metadata in (
             (svg, {"Date": None, "Creator": None}),
@@ -82,6 +85,22 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
             drawn = io.BytesIO()
             figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
             write_blocks(path, [drawn.getvalue()])
+
+
+def _plain_texts(figure: Figure) -> None:
+    """Show names of files, planes and targets as they are: a `$` in them begins no formula.
+
+    Matplotlib writes the numbers of logarithmic axes as formulas; these remain.
+    """
+    texts: list[Any] = figure.findobj(Text)
+    for text in texts:
+        shown = text.get_text()
+        if "\\mathdefault" in shown:
+            continue
+        if "$" in shown:
+            text.set_parse_math(False)
+        if hidden(shown.replace("\n", "")):
+            text.set_text(visible(shown, newlines=True))
 
 
 def finish(

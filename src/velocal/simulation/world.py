@@ -12,7 +12,8 @@ import numpy as np
 from velocal.arrays import Array
 from velocal.errors import ConfigError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
-from velocal.study.model import read_yaml, validated
+from velocal.study.model import validated
+from velocal.study.reading import read_yaml
 from velocal.study.world import Building, OutdoorKind, Pose, SampleWarmth, ScannerUnit, WorldFile
 
 if TYPE_CHECKING:  # a change of the configuration's models does not change a simulated recording

@@ -14,6 +14,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from velocal.study.adjustment import Adjustments, Joint
 from velocal.study.figures import Figure, MapFigure, SetName, Table
 from velocal.study.model import (
+    RESULTS_FOLDER,
     Count,
     Name,
     Names,
@@ -27,7 +28,6 @@ from velocal.study.model import (
 from velocal.study.outputs import Export, Validation
 from velocal.study.planes import Box, Panel, PanelFit, PlaneSearch
 from velocal.study.reduction import Assignment, Reduction
-from velocal.study.samples import RESULTS_FOLDER
 
 SampleName = Annotated[Name, Placeholder("{sample}")]
 PlaneName = Annotated[Text, Placeholder("{plane}")]
@@ -75,8 +75,9 @@ class Observations(Section):
 
 
 def _survey_tag(content: Any) -> str:
-    given = content if isinstance(content, dict) else vars(content)
-    return "observations" if "observations" in given else "coordinates"
+    if isinstance(content, dict):
+        return "observations" if "observations" in content else "coordinates"
+    return "observations" if isinstance(content, Observations) else "coordinates"
 
 
 Survey = Annotated[
@@ -173,9 +174,9 @@ class StudyConfig(Section):
 
     study: Text = Field(description="title, shown in the report; every configuration has one")
     results: str = Field(
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$",
-        description="folder for everything that is made, relative to the folder in which "
-        "snakemake runs",
+        # No part begins with a point: neither `..` nor a hidden folder.
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
+        description="folder for everything that is made, below the folder in which snakemake runs",
     )
     samples: Text | None = Field(default=None, description="sample table of the surveyed samples")
     survey: Survey | None = Field(

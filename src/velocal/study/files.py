@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 
-import pandas as pd
-
 from velocal.errors import ConfigError
+from velocal.io.written_tables import read_written_table
 from velocal.study.config import Coordinates
 from velocal.study.samples import NOMINAL, OutdoorSample, Sample, embedded_path
 from velocal.study.study import Study
@@ -97,7 +96,7 @@ def check_files(study: Study, where: str) -> None:
     if made:
         hint += f" Simulated files lie below {folder}/simulation, each under its sample's name."
     for path, what in given_files(study).items():
-        if not Path(path).is_file():
+        if not _is_file(path):
             raise ConfigError(f"{what}: no file {path!r}", where=where, hint=hint)
         _check_time(Path(path), f"{what}: {path}", f"Set it to now: touch {shlex.quote(path)}")
     if study.surveyed and isinstance(study.config.survey, Coordinates):
@@ -127,11 +126,8 @@ def _named(study: Study) -> Iterable[tuple[str, str]]:
 
 def _check_targets(key: str, path: str, column: str, wanted: Iterable[str]) -> None:
     """Check that a survey file has targets of every plane, scanner or position that is used."""
-    try:
-        table = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
-        found = list(dict.fromkeys(table[column].str.strip()))
-    except (OSError, ValueError, KeyError) as error:
-        raise ConfigError(f"{key}: cannot be read: {error}", where=path) from None
+    table = read_written_table(Path(path), [column], ConfigError, optional=None)
+    found = list(dict.fromkeys(table.columns[column]))
     for name in wanted:
         if name not in found:
             raise ConfigError(
@@ -140,3 +136,11 @@ def _check_targets(key: str, path: str, column: str, wanted: Iterable[str]) -> N
                 allowed=", ".join(found) or None,
                 hint="Write the surveyed targets into this file, below its heading.",
             )
+
+
+def _is_file(path: str) -> bool:
+    """Whether there is a file; there is none under a name that no file can have."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False

@@ -11,22 +11,24 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
-import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from velocal.errors import ConfigError
+from velocal.errors import ConfigError, hidden
 from velocal.scanner.models import SCANNERS
 
 #: Type of the errors that `fault` makes.
 _FAULT = "velocal"
-#: The same safe loader, in C where libyaml is there: ten times as fast.
-_SAFE = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+#: What stands for the folder of the results in paths of survey files and of sample tables.
+RESULTS_FOLDER = "{results}"
+#: No quantity of a study is larger than this, and none but zero is smaller than its inverse.
+LARGEST = 1e12
+#: Longest text; number of values with the content of YAML aliases, and depth of keys.
+LONGEST, MOST_VALUES, DEEPEST = 1000, 100_000, 50
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -163,7 +165,7 @@ def validated(model: type[_Model], content: object, where: str) -> _Model:
     ConfigError
         For the first fault, with its key and what is allowed; unknown keys come first.
     """
-    _check_keys(content, where)
+    _Walk(where).check(content)
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -172,35 +174,78 @@ def validated(model: type[_Model], content: object, where: str) -> _Model:
         raise _translated(first, model, where) from None
 
 
-def read_yaml(path: Path) -> Any:
-    """Read a YAML file.
+@dataclass
+class _Walk:
+    """Walk through the content of a file, which may contain itself through YAML aliases."""
 
-    Raises
-    ------
-    ConfigError
-        If it is missing or no YAML.
-    """
-    try:
-        return _SAFE(path.read_text(encoding="utf-8")).get_single_data()
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
+    where: str
+    values: int = 0
 
+    def check(self, value: object, place: str = "") -> None:
+        """Refuse what no part of a study can mean; JSON and pydantic would convert or miss it.
 
-def _check_keys(content: object, where: str, place: str = "") -> None:
-    """Refuse keys that YAML did not read as text; JSON and pydantic would convert or miss them."""
-    if isinstance(content, Mapping):
-        for key, value in content.items():
-            if not isinstance(key, str):
-                raise ConfigError(
-                    f"{place or 'the file'}: the key {key!r} is not text",
-                    where=where,
-                    allowed="keys that are texts",
-                    hint=f'Write it in quotes: "{key}".',
-                )
-            _check_keys(value, where, f"{place}.{key}".lstrip("."))
-    elif isinstance(content, list | tuple):
-        for number, value in enumerate(content):
-            _check_keys(value, where, f"{place}.{number}")
+        Raises
+        ------
+        ConfigError
+        """
+        self.values += 1
+        if self.values > MOST_VALUES or place.count(".") > DEEPEST:
+            raise ConfigError(
+                "holds too many values",
+                where=self.where,
+                allowed=f"up to {MOST_VALUES}, with the content of aliases",
+                hint="Write the values out instead of YAML aliases (*name).",
+            )
+        if isinstance(value, Mapping):
+            for key, inner in value.items():
+                if not isinstance(key, str):
+                    raise ConfigError(
+                        f"{place or 'the file'}: the key {key!r} is not text",
+                        where=self.where,
+                        allowed="keys that are texts",
+                        hint='Write it in quotes, with all its digits: "2", "05".',
+                    )
+                self._text(key, place or "the file", "the key ")
+                self.check(inner, f"{place}.{key}".lstrip("."))
+        elif isinstance(value, list | tuple):
+            for number, inner in enumerate(value):
+                self.check(inner, f"{place}.{number}".lstrip("."))
+        elif isinstance(value, str):
+            self._text(value, place)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            self._number(value, place)
+
+    def _number(self, value: float, place: str) -> None:
+        finite = isinstance(value, int) or math.isfinite(value)
+        if finite and (value == 0 or 1 / LARGEST <= abs(value) <= LARGEST):
+            return
+        said = f"{value!r} is not finite" if not finite else f"{value!r}"
+        if isinstance(value, int) and len(said) > 30:
+            said = f"a whole number of {len(str(abs(value)))} digits"
+        raise ConfigError(
+            f"{place}: {said}" if place else said,
+            where=self.where,
+            allowed="a finite number"
+            if not finite
+            else f"0, or a size from {1 / LARGEST:g} to {LARGEST:g}",
+        )
+
+    def _text(self, value: str, place: str, what: str = "") -> None:
+        told, allowed, hint = "", "", None
+        of_survey = place.startswith("survey.")
+        if len(value) > LONGEST:
+            told, allowed = f"a text of {len(value)} characters", f"up to {LONGEST}"
+        elif code := hidden(value):
+            told = f"{value!r} holds {code}, a character that cannot be seen"
+            allowed = "text in one line"
+        elif re.search("[{}]", value.replace(RESULTS_FOLDER, "") if of_survey else value):
+            told = f"{value!r} holds a brace"
+            allowed = f"no braces, except {RESULTS_FOLDER} in paths of survey files and of sample "
+            allowed += "tables"
+            hint = "Snakemake takes a name in braces as a wildcard. Choose another name."
+        if told:
+            place = f"{place}: " if place else ""
+            raise ConfigError(f"{place}{what}{told}", where=self.where, allowed=allowed, hint=hint)
 
 
 def _translated(error: ErrorDetails, model: type[BaseModel], where: str) -> ConfigError:
@@ -236,6 +281,16 @@ def _translated(error: ErrorDetails, model: type[BaseModel], where: str) -> Conf
         return ConfigError(f"unknown key {place!r}", where=where, allowed=allowed, hint=hint)
     if kind == "string_type" and isinstance(value, int | float):
         hint = "Write it in quotes."
+    if kind in ("float_type", "float_parsing") and re.fullmatch(r"-?[0-9]+,[0-9]+", str(value)):
+        hint = "Write a point before the decimals."
+    elif kind in ("float_type", "int_type") and re.fullmatch(r"-?[0-9.]+", str(value)):
+        hint = "Write it without quotes."
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        allowed = "keys with values"
+    if kind in ("string_too_short", "too_short"):
+        allowed = "one or more" if kind == "too_short" else "a text"
+    if kind == "int_parsing":
+        allowed = "a whole number"
     said = f"{value!r} is not a name" if kind == "string_pattern_mismatch" else repr(value)
     if kind == "finite_number" or (isinstance(value, float) and not math.isfinite(value)):
         said, allowed = f"{value!r} is not finite", "a finite number"

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-import pandas as pd
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from velocal.errors import ConfigError
+from velocal.io.written_tables import read_written_table
 from velocal.scanner.models import SCANNERS
-from velocal.study.model import Name, Positive, ScannerName, Section, Text, validated
+from velocal.study.model import (
+    RESULTS_FOLDER,
+    Name,
+    Positive,
+    ScannerName,
+    Section,
+    Text,
+    validated,
+)
 
 #: Windows of a surveyed sample, and the only one of a sample without a survey.
 WINDOWS = ("beginning", "middle", "end")
 WHOLE = "all"
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
-
-#: What stands for the folder of the results in paths of survey files and of sample tables.
-RESULTS_FOLDER = "{results}"
 
 #: An empty entry means that nothing is chosen.
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
@@ -106,7 +111,7 @@ _Row = TypeVar("_Row", bound=Row)
 
 
 def read_samples(path: Path, kind: type[_Row], results: str = "results") -> dict[str, _Row]:
-    """Read a tab-separated sample table; `#` begins a comment.
+    """Read a sample table, see `velocal.io.written_tables`; its columns are separated by tabs.
 
     Parameters
     ----------
@@ -126,26 +131,27 @@ def read_samples(path: Path, kind: type[_Row], results: str = "results") -> dict
     ConfigError
         If the file, a column or a cell is wrong, or a sample occurs twice.
     """
-    try:
-        table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot be read: {error}", where=str(path)) from None
+    headings = {field.alias or name: field for name, field in kind.model_fields.items()}
+    required = [name for name, field in headings.items() if field.is_required()]
+    table = read_written_table(path, required, ConfigError, optional=[*headings], separator="\t")
     found: dict[str, _Row] = {}
-    for number, row in enumerate(table.to_dict(orient="records"), start=1):
-        where = f"{path}, row {number}"
-        cells: dict[str, Any] = {
-            str(key): str(value).strip().replace(RESULTS_FOLDER, results)
-            for key, value in row.items()
+    lines: dict[str, int] = {}
+    for row, line in enumerate(table.lines):
+        where = table.where(row)
+        cells = {
+            name: values[row].replace(RESULTS_FOLDER, results)
+            for name, values in table.columns.items()
         }
         sample = validated(kind, cells, where)
         if sample.name in found:
             raise ConfigError(
                 f"sample {sample.name!r} occurs twice",
                 where=where,
-                hint=f"Row {list(found).index(sample.name) + 1} has the same name; every recording "
-                "needs its own name.",
+                hint=f"Row {lines[sample.name]} has the same name; every recording needs its own "
+                "name.",
             )
         found[sample.name] = sample
+        lines[sample.name] = line
     return found
 
 

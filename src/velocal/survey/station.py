@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,15 @@ from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
-from velocal.errors import StorageError
+from velocal.errors import StorageError, SurveyError
 from velocal.geometry.planes import Patch, Plane, fit_plane, hull_patch
 from velocal.geometry.rigid import RigidTransformation, adjust_rigid
 from velocal.io import storage
 from velocal.survey.targets import (
-    SurveyCovariances,
     Targets,
+    check_covariance,
     common,
+    read_covariances,
     read_targets,
     shifted_plane,
 )
@@ -140,6 +142,7 @@ class Station:
         *,
         covariances: Mapping[str, Array] | None = None,
         where: str,
+        where_base: str | None = None,
     ) -> Station:
         """Adjust pose and planes of a position.
 
@@ -158,23 +161,28 @@ class Station:
             (`Targets.plane_covariances`). For a plane that is missing here, it follows from the
             standard deviations of its targets alone.
         where : str
-            Survey file, for errors.
+            Survey file of the planes, for errors.
+        where_base : str, optional
+            Survey files of the base, for errors; `where` if left out.
 
         Raises
         ------
         SurveyError
             If targets are too few or lie on a line.
         """
+        where_base = where_base or where
         origin = planes.reduction()
         planes, base_site = planes.reduced(origin), base_site.reduced(origin)
-        site, scanner = common(base_site, base_scanner, where=where)
-        adjusted = adjust_rigid(site.xyz, scanner.xyz, site.covariance(), scanner.covariance())
+        site, scanner = common(base_site, base_scanner, where=where_base)
+        with _placed(where_base):
+            adjusted = adjust_rigid(site.xyz, scanner.xyz, site.covariance(), scanner.covariance())
         pose = adjusted.transformation
         surveyed = []
         for name in names:
             targets = planes.of(name, where=where)
             points = pose.apply(targets.xyz)
-            fit = fit_plane(points, targets.isotropic_std())
+            with _placed(f"{where}, plane {name!r}"):
+                fit = fit_plane(points, targets.isotropic_std())
             if covariances and name in covariances:
                 moved = pose.plane_matrix() @ shifted_plane(origin)
                 known = moved @ covariances[name] @ moved.T
@@ -344,7 +352,7 @@ def adjust_station(
     >>> [plane.patch.name for plane in station.planes]
     ['short_wall', 'long_wall', 'floor']
     """
-    known = SurveyCovariances.from_json(storage.read_json(Path(covariance))) if covariance else None
+    known = read_covariances(covariance) if covariance else None
     on_planes = read_targets(Path(planes), "plane")
     return Station.adjust(
         on_planes,
@@ -353,7 +361,17 @@ def adjust_station(
         list(dict.fromkeys(on_planes.group)) if names is None else names,
         covariances=known.planes if known else None,
         where=str(planes),
+        where_base=f"{base_scanner} and {base_site}, position {position!r}",
     )
+
+
+@contextmanager
+def _placed(where: str) -> Iterator[None]:
+    """Say in an error of the geometry, which knows no files, where its points stand."""
+    try:
+        yield
+    except SurveyError as error:
+        raise SurveyError(error.what, where=where, allowed=error.allowed, hint=error.hint) from None
 
 
 def read_base(
@@ -381,7 +399,7 @@ def read_base(
     found = read_targets(Path(base_site), "position").of(position, where=str(base_site))
     if covariance is None:
         return found
-    known = SurveyCovariances.from_json(storage.read_json(Path(covariance)))
+    known = read_covariances(covariance)
     return known.of_base(found, position, where=str(covariance))
 
 
@@ -401,6 +419,8 @@ def read_station(path: str | Path) -> Station:
     ------
     StorageError
         If the file is missing, is no JSON, or lacks a value.
+    SurveyError
+        If a matrix in it is no covariance.
 
     Examples
     --------
@@ -409,13 +429,17 @@ def read_station(path: str | Path) -> Station:
     """
     content = storage.read_json(Path(path))
     try:
-        return Station.from_json(content)
-    except (KeyError, TypeError) as error:
+        found = Station.from_json(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StorageError(
             f"is not the survey of a position: {error}",
             where=str(path),
             hint="Delete the file, and run the rule adjust_survey again.",
         ) from None
+    check_covariance(found.pose.covariance, 6, f"{path}, pose")
+    for patch in found.patches:
+        check_covariance(patch.plane.covariance, 4, f"{path}, plane {patch.name!r}")
+    return found
 
 
 def _number(value: float | None) -> float:

@@ -7,8 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from velocal.errors import SurveyError
+from velocal.io.written_tables import number, read_written_table
+
+#: Coordinates, angles and lengths of a survey are not larger, in the unit of their column: the
+#: northings of a UTM grid have 1e7 m.
+LARGEST = 1e8
+#: Standard deviations, in the unit of their column.
+SMALLEST_STD, LARGEST_STD = 1e-6, 1e6
 
 
 def read_table(
@@ -18,6 +26,7 @@ def read_table(
     positive: Mapping[str, str],
     *,
     gaps: bool = False,
+    may_be_empty: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Read a CSV file of a survey, and check it.
 
@@ -33,43 +42,79 @@ def read_table(
         there is a value.
     gaps : bool
         Whether values may be missing.
+    may_be_empty : sequence of str
+        Columns of text whose entries may be empty.
+
+    Returns
+    -------
+    DataFrame
+        Its index holds the lines of the file.
 
     Raises
     ------
     SurveyError
-        If the file is missing, a column is missing or unknown, a value is missing or no number, or
-        a standard deviation is missing or not positive.
+        If the file is missing, a column is missing or unknown, a name is empty, a value is missing,
+        no number or larger than `LARGEST`, or a standard deviation is missing, not positive or
+        beyond `SMALLEST_STD` and `LARGEST_STD`.
     """
-    where, columns = str(path), [*names, *numbers]
-    try:
-        table = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise SurveyError(f"cannot be read: {error}", where=where) from None
-    if not isinstance(table.index, pd.RangeIndex):  # pandas takes the first values as an index
-        raise SurveyError("cannot be read: rows have more values than the header", where=where)
-    if set(table.columns) != set(columns):
-        odd = sorted(set(table.columns) ^ set(columns))
-        raise SurveyError(
-            f"missing or unknown column {odd[0]!r}", where=where, allowed=", ".join(columns)
-        )
+    written = read_written_table(path, [*names, *numbers], SurveyError)
+    table = pd.DataFrame(written.columns, columns=[*names, *numbers], dtype=object)
+    table.index = pd.Index(written.lines)
 
-    def check(good: np.ndarray, what: str, hint: str | None = None) -> None:
+    def check(good: NDArray[np.bool_], what: str, allowed: str | None, hint: str | None) -> None:
         if not good.all():
             row = int(np.argmin(good))
-            raise SurveyError(what.format(text[row]), where=f"{where}, row {row + 2}", hint=hint)
+            raise SurveyError(
+                what.format(text[row]), where=written.where(row), allowed=allowed, hint=hint
+            )
 
+    text: list[str] = []
+    for column in names:
+        text = written.columns[column]
+        if column not in may_be_empty:
+            there = np.array([bool(value) for value in text], dtype=bool)
+            check(there, f"{column} is empty", "a name", "Every row needs all names.")
+    comma = written.decimal_comma(numbers)
     for column in numbers:
-        text = table[column].str.strip()
-        table[column] = pd.to_numeric(text.where(text != ""), errors="coerce").astype(float)
-        there = np.isfinite(table[column].to_numpy())
-        check(there | (text == "").to_numpy(), f"{column} is no number: {{!r}}")
-    for value, deviation in positive.items():
-        there = np.isfinite(table[value].to_numpy())
-        if not gaps:
-            check(there, f"{value} is missing")
+        text = written.columns[column]
+        values = [number(value, comma) for value in text]
+        known = np.array(
+            [value is not None or not t for value, t in zip(values, text, strict=True)]
+        )
+        found = np.array([np.nan if value is None else value for value in values], dtype=float)
+        hint = (
+            "Commas and points stand before decimals in this table: write points only."
+            if any("," in value for value in text)
+            else None
+        )
+        check(known, f"{column} is no number: {{!r}}", "a decimal number, as -1.234", hint)
+        low, high = (
+            (SMALLEST_STD, LARGEST_STD) if column in positive.values() else (-LARGEST, LARGEST)
+        )
+        inside = np.isnan(found) | (found >= low) & (found <= high)
+        if column in positive.values():
+            check(
+                np.isnan(found) | (found > 0.0),
+                f"{column} is not positive: {{!r}}",
+                f"{low:g} to {high:g}",
+                "State the accuracy of each value.",
+            )
         check(
-            ~there | (table[deviation].to_numpy() > 0.0),
-            f"{deviation} is missing or not positive",
+            inside,
+            f"{column} is {{!r}}",
+            f"{low:g} to {high:g}",
+            "The unit is part of the name of the column.",
+        )
+        table[column] = found
+    for value, deviation in positive.items():
+        there = ~np.isnan(table[value].to_numpy())
+        text = written.columns[value]
+        if not gaps:
+            check(there, f"{value} is missing", "a number", None)
+        check(
+            ~there | ~np.isnan(table[deviation].to_numpy()),
+            f"{deviation} is missing",
+            f"{SMALLEST_STD:g} to {LARGEST_STD:g}",
             "State the accuracy of each value.",
         )
     return table
@@ -81,6 +126,7 @@ def check_unique(table: pd.DataFrame, columns: Sequence[str], what: str, where: 
     Parameters
     ----------
     table : DataFrame
+        As `read_table` gives it.
     columns : sequence of str
         Columns of the names, with the name for the message first.
     what : str
@@ -96,6 +142,10 @@ def check_unique(table: pd.DataFrame, columns: Sequence[str], what: str, where: 
     twice = table.duplicated(list(columns)).to_numpy()
     if twice.any():
         row = int(np.argmax(twice))
+        names = table[list(columns)]
+        first = int(np.argmax((names == names.iloc[row]).all(axis=1).to_numpy()))
         raise SurveyError(
-            f"{what} {table[columns[0]][row]!r} occurs twice", where=f"{where}, row {row + 2}"
+            f"{what} {names.iloc[row, 0]!r} occurs twice",
+            where=f"{where}, row {table.index[row]}",
+            hint=f"Row {table.index[first]} has the same name: delete one, or rename it.",
         )

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from velocal.arrays import Array
-from velocal.errors import SurveyError
+from velocal.errors import StorageError, SurveyError
+from velocal.geometry.covariance import covariance_fault
 from velocal.geometry.planes import fit_plane
 from velocal.io import storage
 from velocal.survey.tables import check_unique, read_table
@@ -194,6 +195,65 @@ class SurveyCovariances:
         }
         planes = {name: np.array(covariance) for name, covariance in content["planes"].items()}
         return cls(bases, planes)
+
+
+def read_covariances(path: str | Path) -> SurveyCovariances:
+    """Read the file ``survey/covariance.json``.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    SurveyCovariances
+
+    Raises
+    ------
+    StorageError
+        If the file is missing or damaged.
+    SurveyError
+        If a matrix in it is no covariance.
+    """
+    content = storage.read_json(Path(path))
+    try:
+        found = SurveyCovariances.from_json(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StorageError(
+            f"does not hold the covariances of a survey: {error}",
+            where=str(path),
+            hint="Delete the file, and run the rule adjust_network again.",
+        ) from None
+    matrices = {
+        f"position {name!r}": (matrix, 3 * len(targets))
+        for name, (targets, matrix) in found.bases.items()
+    } | {f"plane {name!r}": (matrix, 4) for name, matrix in found.planes.items()}
+    for what, (matrix, size) in matrices.items():
+        check_covariance(matrix, size, f"{path}, {what}")
+    return found
+
+
+def check_covariance(matrix: Array, size: int, where: str) -> None:
+    """Check that a matrix can be a covariance, see `covariance_fault`.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (size, size)
+    size : int
+    where : str
+        File and part of it, for errors.
+
+    Raises
+    ------
+    SurveyError
+    """
+    if fault := covariance_fault(matrix, size):
+        raise SurveyError(
+            f"the covariance is impossible: {fault}",
+            where=where,
+            allowed=f"a symmetric, positive semidefinite matrix of {size} rows",
+            hint="Delete the file, and adjust the survey again.",
+        )
 
 
 def read_targets(path: str | Path, group: str, *, repeated: bool = False) -> Targets:

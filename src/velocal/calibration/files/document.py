@@ -6,6 +6,7 @@ checks it and stops at the first fault, `velocal.calibration.lint` names all of 
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +19,8 @@ import numpy as np
 from velocal.arrays import Array
 from velocal.calibration.files.decimals import UNCHANGED, number
 from velocal.errors import CalibrationFileError
-from velocal.scanner.models import DISTANCE_TICK_M
+from velocal.geometry.covariance import covariance_fault
+from velocal.scanner.models import DISTANCE_TICK_M, SCANNERS
 from velocal.scanner.parameters import (
     NEAR_POINT,
     PARAMETERS,
@@ -335,7 +337,7 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
     ------
     CalibrationFileError
         If a value is missing or no finite number, lasers are missing, doubled or too many, or an
-        angle is impossible.
+        angle, a covariance or the scanner is impossible.
     """
     path, by_id, entries = document.path, dict[int, Values](), dict[int, Mapping[str, Any]]()
     tick = tick_m(document)
@@ -374,7 +376,13 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         carried={name: columns[name] for name in carried},
     )
     ordered = [entries[laser] for laser in sorted(entries)]
-    return CalibrationFile(
+    if document.scanner is not None and document.scanner not in SCANNERS:
+        raise CalibrationFileError(
+            f"unknown scanner {document.scanner!r}",
+            where=str(path),
+            allowed=", ".join(SCANNERS),
+        )
+    calibration = CalibrationFile(
         parameters,
         document.dialect,
         document.scanner,
@@ -385,6 +393,36 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         disabled=document.disabled,
         rotation_rate_hz=_rate_hz(document),
     )
+    _check_covariances(path, calibration)
+    return calibration
+
+
+def _check_covariances(path: Path, found: CalibrationFile) -> None:
+    """Check that the standard deviations and covariances of every laser can be ones."""
+    names = [name for name in PARAMETERS if name in found.std]
+    for laser in range(len(found.parameters)):
+        where = f"{path}, laser {laser}"
+        std = {name: float(found.std[name][laser]) for name in names}
+        for name, value in std.items():
+            if value < 0.0:
+                raise CalibrationFileError(
+                    f"the standard deviation of {name} is {value:g}",
+                    where=where,
+                    allowed="0 or more, or null where it is unknown",
+                )
+        known = [name for name in names if np.isfinite(std[name])]
+        matrix = np.diag([std[name] ** 2 for name in known])
+        for row, column in itertools.combinations(range(len(known)), 2):
+            values = found.covariance.get((known[row], known[column]))
+            value = 0.0 if values is None else float(np.nan_to_num(values[laser]))
+            matrix[row, column] = matrix[column, row] = value
+        if fault := covariance_fault(matrix):
+            raise CalibrationFileError(
+                f"the covariance is impossible: {fault}",
+                where=where,
+                allowed="a symmetric, positive semidefinite matrix",
+                hint="No covariance exceeds the product of the two standard deviations.",
+            )
 
 
 def _rate_hz(document: Document) -> float | None:

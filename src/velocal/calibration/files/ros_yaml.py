@@ -11,6 +11,7 @@ from velocal.calibration.files.decimals import UNCHANGED
 from velocal.calibration.files.document import CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
+from velocal.io.yaml_text import parse_yaml
 from velocal.scanner.parameters import NEAR_POINT, TWO_POINT
 
 #: Lists of scanners with so few lasers are filled up to this length by some converters.
@@ -46,13 +47,8 @@ def parse(path: Path) -> Document:
         If the file cannot be read, or is not of this format.
     """
     where = str(path)
-    data = lasers.content(path)
-    try:
-        document = yaml.safe_load(data)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        # The first line says what; the rest repeats the text.
-        reason = " ".join(str(error).split("\n")[:2])
-        raise CalibrationFileError(f"is not YAML: {reason}", where=where) from None
+    # Drivers take the last of two equal keys.
+    document = parse_yaml(lasers.content(path), where, CalibrationFileError, unique_keys=False)
     entries = document.get("lasers") if isinstance(document, dict) else None
     if not isinstance(entries, list):
         raise CalibrationFileError(

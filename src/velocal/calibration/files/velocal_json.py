@@ -16,6 +16,7 @@ from velocal.calibration.files.decimals import UNCHANGED
 from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
 from velocal.io import storage
+from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import PARAMETERS, TWO_POINT
 
 FORMAT, VERSION = "velocal calibration", 1
@@ -55,6 +56,12 @@ def _content(path: Path) -> dict[str, Any]:
                 where=str(path),
                 allowed={list: "a list", dict: "an object", str: "text"}[kind],
             )
+    if not isinstance(content.get("scanner"), str | None):
+        raise CalibrationFileError(
+            f"scanner is of type {type(content['scanner']).__name__}",
+            where=str(path),
+            allowed=f"null, or one of {', '.join(SCANNERS)}",
+        )
     for index, entry in enumerate(content["lasers"]):
         where = f"{path}, entry {index} of lasers"
         if not isinstance(entry, dict):

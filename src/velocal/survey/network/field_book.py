@@ -70,7 +70,9 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
         deviation is missing or not positive, or a point is named twice.
     """
     where = str(paths["points"])
-    points = read_table(paths["points"], ("target", "plane"), COORDINATES, {})
+    points = read_table(
+        paths["points"], ("target", "plane"), COORDINATES, {}, may_be_empty=("plane",)
+    )
     check_unique(points, ("target",), "point", where)
     xyz = points[list(COORDINATES)].to_numpy(dtype=float)
     known = np.isfinite(xyz).all(axis=1)

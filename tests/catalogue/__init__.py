@@ -1,0 +1,1 @@
+"""Faulty inputs of every kind, and what velocal does with each: `docs/reliability.md`."""

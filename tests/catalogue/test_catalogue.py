@@ -1,0 +1,37 @@
+"""Every case of the catalogue does what its page says."""
+
+import pytest
+
+from catalogue.case import Case, Outcome, run
+from catalogue.page import KINDS, PAGE, row
+from velocal.io.markup import marked
+
+CASES = [(kind, case) for kind, cases in KINDS.items() for case in cases]
+AGAIN = "python tests/catalogue/page.py writes the page again"
+
+
+def _parameter(kind: str, case: Case) -> object:
+    marks = pytest.mark.xfail(reason=case.pending, strict=True) if case.pending else ()
+    return pytest.param(kind, case, id=f"{kind}: {case.wrong}", marks=marks)
+
+
+@pytest.mark.parametrize(("kind", "case"), [_parameter(*each) for each in CASES])
+def test_case(kind: str, case: Case, tmp_path):
+    result = run(case, tmp_path)
+    assert result.outcome == case.outcome, result.message
+    if case.outcome is Outcome.REFUSED:
+        assert result.message
+    _, content = marked(PAGE.read_text(encoding="utf-8"))[kind]
+    assert row(case, result) in content.splitlines(), AGAIN
+
+
+def test_the_page_has_these_cases_and_no_others():
+    assert len(CASES) >= 160
+    found = marked(PAGE.read_text(encoding="utf-8"))
+    assert found.keys() == {"count", *KINDS}
+    assert found["count"][1] == f"{len(CASES)} cases.", AGAIN
+    for kind, cases in KINDS.items():
+        names = [case.wrong for case in cases]
+        assert len(set(names)) == len(names)
+        rows = found[kind][1].splitlines()[2:]
+        assert [line.split(" | ")[0].removeprefix("| ") for line in rows] == names, AGAIN

@@ -1,0 +1,1 @@
+"""Stands in for setuptools while `make nist` downloads archives: it runs nothing of them."""

@@ -22,13 +22,15 @@ def main(
     scanner: str,
     port: int | None,
     address: str | None,
+    max_missing: float,
 ) -> None:
     """Write the ledger as JSON and the index as Parquet.
 
     Where a file for it is given, the calibration embedded in the status bytes is written as well,
     every value as the wire holds it; that it is not there is an error then.
     """
-    inspection = inspect(recording, source=SourceFilter(port, address))
+    source = SourceFilter(port, address)
+    inspection = inspect(recording, source=source, max_missing=max_missing)
     remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}

@@ -9,7 +9,7 @@ from velocal.io.provenance import library_digest
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files
-from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
+from velocal.study.samples import MAX_MISSING, NOMINAL, WHOLE, WINDOWS
 from velocal.study.study import read_study
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.

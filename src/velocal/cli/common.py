@@ -15,6 +15,7 @@ from rich.progress import Progress, TaskID
 from velocal.io.storage import finite
 from velocal.recording.recording import Recording, open_recording
 from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.study.samples import MAX_MISSING
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -40,6 +41,16 @@ ScannerName = Annotated[
     ),
 ]
 
+
+MaxMissing = Annotated[
+    float,
+    typer.Option(
+        "--max-missing",
+        min=0.0,
+        max=1.0,
+        help="Share of its azimuth that a complete rotation may miss where packets are lost.",
+    ),
+]
 
 Returns = Annotated[
     str,
@@ -77,14 +88,18 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
 
 
 def scanned(
-    file: Path, scanner: str | None = None, port: int | None = None, address: str | None = None
+    file: Path,
+    scanner: str | None = None,
+    port: int | None = None,
+    address: str | None = None,
+    max_missing: float = MAX_MISSING,
 ) -> Recording:
     """Open a recording and scan it, with progress.
 
     Parameters and errors are those of `open_recording` and of `Recording.scan`.
     """
     stated = None if scanner is None else scanner_named(scanner, where="--scanner")
-    recording = open_recording(file, stated, port, address)
+    recording = open_recording(file, stated, port, address, max_missing)
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
         recording.scan(lambda done, total: bar.update(task, completed=done, total=total))
     return recording

@@ -13,6 +13,7 @@ from velocal.calibration.files import formats
 from velocal.cli.common import (
     Address,
     File,
+    MaxMissing,
     Port,
     Returns,
     ScannerName,
@@ -27,6 +28,7 @@ from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
+from velocal.study.samples import MAX_MISSING
 
 
 def inspect(
@@ -34,10 +36,11 @@ def inspect(
     scanner: ScannerName = None,
     port: Port = None,
     address: Address = None,
+    max_missing: MaxMissing = MAX_MISSING,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    recording = scanned(file, scanner, port, address)
+    recording = scanned(file, scanner, port, address, max_missing)
     inspection = recording.scan()
     if scanner is None and not candidates(inspection):
         name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
@@ -93,6 +96,7 @@ def decode(
     rotations: Annotated[int, typer.Option(min=1, help="Complete rotations of a window.")] = 100,
     port: Port = None,
     address: Address = None,
+    max_missing: MaxMissing = MAX_MISSING,
     returns: Returns = "both",
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
@@ -101,7 +105,7 @@ def decode(
             f"unknown window {window!r}", where="--window", allowed=", ".join(WINDOWS)
         )
     check_choice(returns, "--return")
-    recording = scanned(file, scanner, port, address)
+    recording = scanned(file, scanner, port, address, max_missing)
     known, index = recording.scanner, recording.rotations
     chosen = recording.select(window, rotations)
     total = int(index.packet[chosen[-1] + 1] - index.packet[chosen[0]])

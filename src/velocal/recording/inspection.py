@@ -38,9 +38,10 @@ class Inspection:
     ----------
     index : RotationIndex
     ledger : Ledger
-    gaps, packets_missing : int
-        Interruptions of the packet sequence, and packets that are missing there; by the device
-        clock, or by capture times where the azimuth agrees.
+        With the packets that are missing: by the device clock, or by azimuth and capture times.
+    view_deg : tuple of (float, float)
+        First and last azimuth of every part of the field of view, degrees; empty if it is the whole
+        turn.
     packet_interval_s : float
         Median time between packets; NaN without time.
     azimuth_step_ticks : float
@@ -49,6 +50,12 @@ class Inspection:
         Greatest common divisor of all azimuths: 9 for an encoder of 0.09 degree.
     clock : str
         "device", "capture" or "none": where times come from.
+    clock_jumps : tuple of (int, float)
+        Number of the first packet after each jump of that clock, and how far it jumps, seconds.
+    damaged_stamps : int
+        Packets whose time stamp alone is wrong.
+    irregular : int
+        Packets that cannot belong where they stand, or whose azimuth is damaged.
     block_counts : dict of str to int
         Number of upper and lower blocks; of the third and fourth bank of a VLS-128.
     dual : bool
@@ -66,18 +73,30 @@ class Inspection:
 
     index: RotationIndex
     ledger: Ledger
-    gaps: int = 0
-    packets_missing: int = 0
+    view_deg: tuple[tuple[float, float], ...] = ()
     packet_interval_s: float = float("nan")
     azimuth_step_ticks: float = float("nan")
     azimuth_multiple: int = 0
     clock: str = "none"
+    clock_jumps: tuple[tuple[int, float], ...] = ()
+    damaged_stamps: int = 0
+    irregular: int = 0
     block_counts: dict[str, int] = field(default_factory=dict)
     dual: bool = False
     mode: str = ""
     product: int | None = None
     status_types: str = ""
     status: TrailingStatus = field(default_factory=TrailingStatus)
+
+    @property
+    def gaps(self) -> int:
+        """Places where packets are missing."""
+        return self.index.loss.gaps
+
+    @property
+    def packets_missing(self) -> int:
+        """Packets that are missing there."""
+        return self.index.loss.packets
 
     @property
     def calibration_in_stream(self) -> bool:
@@ -104,6 +123,12 @@ class Inspection:
         if self.clock != "device":
             return float("nan")
         return self.azimuth_step_ticks / AZIMUTH_TICKS / self.index.rate_hz()
+
+    @property
+    def view_text(self) -> str:
+        """Field of view, for people."""
+        parts = [f"{first:.0f} to {last:.0f} deg" for first, last in self.view_deg]
+        return ", ".join(parts) or "whole turn"
 
     def facts(self) -> list[Fact]:
         """Everything that is told about a recording, in order: the only list of it."""
@@ -133,9 +158,14 @@ class Inspection:
             ),
             Fact(
                 "gaps",
-                f"{self.gaps}, about {self.packets_missing} packets missing",
-                {"gaps": self.gaps, "packets_missing": self.packets_missing},
+                str(self.index.loss),
+                {
+                    "gaps": self.gaps,
+                    "packets_missing": self.packets_missing,
+                    "largest_gap_packets": self.index.loss.largest,
+                },
             ),
+            Fact("field of view", self.view_text, {"field_of_view_deg": self.view_deg}),
             Fact(
                 "blocks",
                 ", ".join(f"{count} {bank}" for bank, count in self.block_counts.items()),

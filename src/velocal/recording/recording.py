@@ -24,6 +24,7 @@ from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
+from velocal.study.samples import MAX_MISSING
 
 #: Complete rotations of a window, unless a caller says otherwise.
 WINDOW_ROTATIONS = 100
@@ -45,6 +46,8 @@ class Recording:
         Which of several scanners in the capture.
     stated : Scanner or None
         The scanner that is said to have made it; found from the packets if None.
+    max_missing : float
+        Largest share of its azimuth that a complete rotation may miss where packets are lost.
 
     Attributes
     ----------
@@ -52,10 +55,17 @@ class Recording:
     source : SourceFilter
     """
 
-    def __init__(self, path: Path, source: SourceFilter, stated: Scanner | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        source: SourceFilter,
+        stated: Scanner | None = None,
+        max_missing: float = MAX_MISSING,
+    ) -> None:
         self.path = path
         self.source = source
         self._stated = stated
+        self._max_missing = max_missing
         self._inspection: Inspection | None = None
 
     def __repr__(self) -> str:
@@ -80,7 +90,9 @@ class Recording:
             If the recording has not one valid data packet, or holds several scanners.
         """
         if self._inspection is None:
-            self._inspection = inspect(self.path, progress, self.source)
+            self._inspection = inspect(
+                self.path, progress, self.source, max_missing=self._max_missing
+            )
         return self._inspection
 
     @property
@@ -255,6 +267,7 @@ def open_recording(
     scanner: str | Scanner | None = None,
     port: int | None = None,
     address: str | None = None,
+    max_missing: float = MAX_MISSING,
 ) -> Recording:
     """Open a recording: records of 1206 or 1248 bytes, pcap, pcapng, gzipped or not, or a ROS bag.
 
@@ -270,6 +283,9 @@ def open_recording(
         UDP port to which the scanner sends, where a capture holds several scanners.
     address : str, optional
         IPv4 address from which it sends; in a bag, its topic.
+    max_missing : float
+        Largest share of its azimuth that a complete rotation may miss where packets are lost. Three
+        lost packets are allowed as well, unless it is 0.
 
     Returns
     -------
@@ -293,4 +309,4 @@ def open_recording(
     """
     stated = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     capture = open_capture(Path(path), SourceFilter(port, address))
-    return Recording(capture.path, SourceFilter(port, address), stated)
+    return Recording(capture.path, SourceFilter(port, address), stated, max_missing)

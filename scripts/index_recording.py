@@ -31,9 +31,10 @@ def main(
     """
     source = SourceFilter(port, address)
     inspection = inspect(recording, source=source, max_missing=max_missing)
-    remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
+    known = scanner_named(scanner)
+    remarks = check_scanner(inspection, known, str(recording))
     write_index(rotations, inspection.index)
-    facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
+    facts = {"scanner": scanner, **inspection.as_dict(known), "remarks": remarks}
     storage.write_json(ledger, {"file": recording.name, **facts})
     if calibration:
         # Not `formats.write`: a change of another format would have every recording scanned again.

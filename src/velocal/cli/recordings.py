@@ -28,6 +28,7 @@ from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
+from velocal.scanner.models import Scanner
 from velocal.study.samples import MAX_MISSING
 
 
@@ -43,24 +44,27 @@ def inspect(
     recording = scanned(file, scanner, port, address, max_missing)
     inspection = recording.scan()
     if scanner is None and not candidates(inspection):
-        name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
+        known, remarks = None, ["flags and packet rate fit no known scanner"]
     else:
-        name, remarks = recording.scanner.name, recording.remarks
-    facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
+        known, remarks = recording.scanner, recording.remarks
+    name = "unknown" if known is None else known.name
+    told = inspection.as_dict(known)
+    facts = {"file": file.name, "scanner": name, **told, "remarks": remarks}
     if as_json:
         print_json(facts)
         return
-    _print_facts(inspection, name, remarks)
+    _print_facts(inspection, known, remarks)
 
 
-def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> None:
+def _print_facts(inspection: Inspection, scanner: Scanner | None, remarks: list[str]) -> None:
     """Print facts, remarks and the ledger as tables."""
     ledger = inspection.ledger
     console = Console(highlight=False)
     top = Table(show_header=False, box=None, pad_edge=False)
     senders = ", ".join(f"{name} ({n})" for name, n in ledger.senders.items())
-    rows = {"scanner": scanner, "framing": ledger.framing, "sent from": senders or "unknown"}
-    rows |= {fact.label: fact.text for fact in inspection.facts() if fact.label}
+    name = "unknown" if scanner is None else scanner.name
+    rows = {"scanner": name, "framing": ledger.framing, "sent from": senders or "unknown"}
+    rows |= {fact.label: fact.text for fact in inspection.facts(scanner) if fact.label}
     if ledger.reordered:
         rows["put in order"] = f"{ledger.reordered} packets that had come late"
     if ledger.assembled:

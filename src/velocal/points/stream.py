@@ -16,7 +16,7 @@ calibrations does not depend on phi. Single precision: within a few hundredths o
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -79,26 +79,6 @@ class Settings:
     frame: str = "velocal"
     returns: str = "strongest"
     source: SourceFilter = ANY_SOURCE
-
-
-def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
-    """Rate of some rotations; that of the whole recording, or 0, if they do not tell.
-
-    Parameters
-    ----------
-    inspection : Inspection
-    rotations : ndarray of int64
-        Numbers of the rotations.
-
-    Returns
-    -------
-    float
-        Rotations per second.
-    """
-    for rate in (inspection.index.rate_hz(rotations), inspection.index.rate_hz()):
-        if np.isfinite(rate):
-            return rate
-    return 0.0
 
 
 class _Lasers:
@@ -233,9 +213,7 @@ class _Clock:
     def __init__(self, inspection: Inspection, scanner: Scanner) -> None:
         self.kind, self.times = inspection.clock, inspection.index.time_s
         self.together = len(scanner.flags) * (2 if inspection.dual else 1)
-        self.interval_s = 1.0 / (
-            scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
-        )
+        self.interval_s = inspection.interval_for(scanner)
         self.per_block = scanner.firings_per_block
         self.epoch: float | None = None
 
@@ -297,7 +275,7 @@ def stream(
         Packets that they come from.
     """
     scanner = settings.scanner
-    lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
+    lasers = _Lasers(settings, inspection.index.rate_for(scanner, rotations))
     clock = _Clock(inspection, scanner)
     index, source = inspection.index, settings.source
     for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
@@ -404,7 +382,6 @@ def raw_returns(
         recording, inspection.index, rotations, settings.scanner,
         returns=settings.returns, source=settings.source,
     )  # fmt: skip
-    rate_hz = rotation_rate_hz(inspection, rotations)
-    beams = replace(joined_rows(list(parts)), rotation_rate_hz=rate_hz).beams()
+    beams = joined_rows(list(parts)).beams()
     range_m = beams.distance_m + settings.parameters.dl[beams.laser_id]
     return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from velocal.errors import RecordingError
-from velocal.recording.inspection import Inspection
+from velocal.recording.inspection import INTERVAL_TOLERANCE, Inspection
 from velocal.scanner.models import SCANNERS, Scanner
 
 #: Measured and nominal packet rate, or firing cycle, may differ by this share.
@@ -99,10 +99,17 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             f"the timing agrees with {scanner.name}"
         )
     cycle = inspection.firing_cycle_s / (scanner.firing_cycle_s * scanner.firings_per_block)
+    nominal_hz = scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
+    slower = inspection.interval_for(scanner) * nominal_hz
     if not scanner.coarse_encoder and abs(np.log(cycle)) > 2 * RATE_TOLERANCE:
         remarks.append(
             f"the head turns {inspection.azimuth_step_ticks:.0f} hundredths of a degree from block "
             f"to block, {cycle:.2f} times what its rate and {scanner.name} would give"
+        )
+    elif abs(slower - 1.0) > INTERVAL_TOLERANCE:
+        remarks.append(
+            f"the firing cycle is {1e6 * slower * scanner.firing_cycle_s:.1f} us, which is used; "
+            f"that of {scanner.name} should be {1e6 * scanner.firing_cycle_s:.1f} us"
         )
     if inspection.mode and inspection.dual != (inspection.mode == "dual"):
         remarks.append(

@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from velocal.capture.ledger import Ledger
 from velocal.packets.status import TrailingStatus
 from velocal.recording.rotation_index import RotationIndex
-from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS
+from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
+
+#: The nominal time between packets is used where the measured one differs by less than this share.
+INTERVAL_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,9 @@ class Inspection:
         """
         if self.clock != "device":
             return float("nan")
-        return self.azimuth_step_ticks / AZIMUTH_TICKS / self.index.rate_hz()
+        rate_hz = self.index.rate_hz()
+        rate_hz = rate_hz if np.isfinite(rate_hz) else self.index.mean_rate_hz
+        return self.azimuth_step_ticks / AZIMUTH_TICKS / rate_hz if rate_hz > 0 else float("nan")
 
     @property
     def view_text(self) -> str:
@@ -130,10 +137,43 @@ class Inspection:
         parts = [f"{first:.0f} to {last:.0f} deg" for first, last in self.view_deg]
         return ", ".join(parts) or "whole turn"
 
-    def facts(self) -> list[Fact]:
-        """Everything that is told about a recording, in order: the only list of it."""
+    def interval_for(self, scanner: Scanner) -> float:
+        """Time between packets, seconds.
+
+        Parameters
+        ----------
+        scanner : Scanner
+            What sent the packets.
+
+        Returns
+        -------
+        float
+            That of the scanner, or what the device clock shows where the two differ by more than
+            1 %: later firmware of a VLS-128 fires every 55.3 us instead of every 53.3 us.
+        """
+        nominal_hz = scanner.dual_packet_rate_hz if self.dual else scanner.packet_rate_hz
+        measured = self.clock == "device" and self.packet_interval_s > 0
+        differs = measured and abs(self.packet_interval_s * nominal_hz - 1.0) > INTERVAL_TOLERANCE
+        return self.packet_interval_s if differs else 1.0 / nominal_hz
+
+    def facts(self, scanner: Scanner | None = None) -> list[Fact]:
+        """Everything that is told about a recording, in order: the only list of it.
+
+        Parameters
+        ----------
+        scanner : Scanner, optional
+            What sent the packets, where that is known.
+        """
         complete, rate_hz = int(self.index.complete.sum()), self.index.rate_hz()
+        of = ""
+        if not np.isfinite(rate_hz):
+            rate_hz, of = self.index.mean_rate_hz, ", from the azimuth against the time"
+        if not np.isfinite(rate_hz) and scanner is not None:
+            rate_hz = self.index.rate_for(scanner)
+            of = f", from the azimuth step and the packet rate of an {scanner.name}"
+        rate = f"{rate_hz:.3f} Hz{of}" if np.isfinite(rate_hz) else "unknown: there is no clock"
         packet_rate_hz = 1.0 / self.packet_interval_s
+        packets = f"{packet_rate_hz:.1f} Hz" if np.isfinite(packet_rate_hz) else "unknown"
         step_deg = self.azimuth_step_ticks * AZIMUTH_TICK_DEG
         resolution_deg = self.azimuth_multiple * AZIMUTH_TICK_DEG
         returns = "dual" if self.dual else self.mode or "single"
@@ -141,7 +181,9 @@ class Inspection:
         return [
             Fact(
                 "duration",
-                f"{self.duration_s:.3f} s ({self.clock} clock)",
+                "unknown: there is no clock"
+                if self.clock == "none"
+                else f"{self.duration_s:.3f} s ({self.clock} clock)",
                 {"duration_s": self.duration_s, "clock": self.clock},
             ),
             Fact(
@@ -149,8 +191,8 @@ class Inspection:
                 f"{len(self.index)}, {complete} complete",
                 {"rotations": len(self.index), "rotations_complete": complete},
             ),
-            Fact("rotation rate", f"{rate_hz:.3f} Hz", {"rotation_rate_hz": rate_hz}),
-            Fact("packet rate", f"{packet_rate_hz:.1f} Hz", {"packet_rate_hz": packet_rate_hz}),
+            Fact("rotation rate", rate, {"rotation_rate_hz": rate_hz}),
+            Fact("packet rate", packets, {"packet_rate_hz": packet_rate_hz}),
             Fact(
                 "azimuth step",
                 f"{step_deg:.2f} deg, in multiples of {resolution_deg:.2f} deg",
@@ -183,6 +225,6 @@ class Inspection:
             Fact("", "", {"status": self.status.as_dict(), "ledger": self.ledger.as_dict()}),
         ]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain mapping of all facts, for JSON."""
-        return {key: value for fact in self.facts() for key, value in fact.values.items()}
+    def as_dict(self, scanner: Scanner | None = None) -> dict[str, Any]:
+        """Plain mapping of all facts, for JSON; `scanner` as in `facts`."""
+        return {key: value for fact in self.facts(scanner) for key, value in fact.values.items()}

@@ -67,6 +67,8 @@ class RotationIndex:
         backward.
     mean_rate_hz : float
         Mean rotation rate, from the azimuth against the time; NaN without time.
+    dual : bool
+        Whether most packets hold two returns of a shot.
     """
 
     offset: NDArray[np.int64]
@@ -78,6 +80,7 @@ class RotationIndex:
     loss: Loss = Loss()
     step_ticks: float = float("nan")
     mean_rate_hz: float = float("nan")
+    dual: bool = False
 
     def __len__(self) -> int:
         return len(self.complete)
@@ -102,9 +105,7 @@ class RotationIndex:
         durations = durations[chosen & (durations > 0)]
         return float(1.0 / np.median(durations)) if len(durations) else float("nan")
 
-    def rate_for(
-        self, scanner: Scanner, rotations: NDArray[np.integer] | None = None, *, dual: bool = False
-    ) -> float:
+    def rate_for(self, scanner: Scanner, rotations: NDArray[np.integer] | None = None) -> float:
         """Rotation rate, however short the recording is.
 
         Parameters
@@ -113,8 +114,6 @@ class RotationIndex:
             What sent the packets.
         rotations : ndarray of int, optional
             Rotations to use; all if left out.
-        dual : bool
-            Whether its packets hold two returns of a shot.
 
         Returns
         -------
@@ -123,7 +122,7 @@ class RotationIndex:
             complete rotations, else the mean of the azimuth against the time. Without a clock it is
             that of the usual step of the azimuth at the packet rate that the scanner should have.
         """
-        nominal = scanner.dual_packet_rate_hz if dual else scanner.packet_rate_hz
+        nominal = scanner.dual_packet_rate_hz if self.dual else scanner.packet_rate_hz
         by_step = abs(self.step_ticks) / AZIMUTH_TICKS * nominal
         for rate_hz in (self.rate_hz(rotations), self.rate_hz(), self.mean_rate_hz, by_step):
             if np.isfinite(rate_hz):

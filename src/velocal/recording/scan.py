@@ -297,6 +297,7 @@ class _Scan:
             loss=missing.loss,
             step_ticks=pace.step_ticks,
             mean_rate_hz=mean_hz,
+            dual=self._blocks.dual,
         )
         return found, missing
 

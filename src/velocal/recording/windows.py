@@ -48,6 +48,7 @@ def write_index(path: Path, index: RotationIndex) -> None:
         **asdict(index.loss),
         step_ticks=index.step_ticks,
         mean_rate_hz=index.mean_rate_hz,
+        dual=index.dual,
     )
 
 
@@ -71,6 +72,7 @@ def read_index(path: Path) -> RotationIndex:
         loss=Loss(facts["gaps"], facts["packets"], facts["largest"]),
         step_ticks=facts["step_ticks"],
         mean_rate_hz=facts["mean_rate_hz"],
+        dual=facts["dual"],
     )
 
 

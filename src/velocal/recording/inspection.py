@@ -120,12 +120,12 @@ class Inspection:
 
     @property
     def firing_cycle_s(self) -> float:
-        """Time between blocks that differ in azimuth; NaN without a device clock.
+        """Time between blocks that differ in azimuth; NaN without a device clock or such blocks.
 
         It follows from the rotation rate and the azimuth step, so that lost packets do not change
         it.
         """
-        if self.clock != "device":
+        if self.clock != "device" or self.azimuth_step_ticks == 0:
             return float("nan")
         rate_hz = self.index.rate_hz()
         rate_hz = rate_hz if np.isfinite(rate_hz) else self.index.mean_rate_hz

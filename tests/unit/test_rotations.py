@@ -229,8 +229,9 @@ def test_what_is_told_to_programs_and_people(tmp_path):
     assert list(found.as_dict()) == [
         "duration_s", "clock", "rotations", "rotations_complete", "rotation_rate_hz",
         "packet_rate_hz", "azimuth_step_deg", "azimuth_resolution_deg", "gaps", "packets_missing",
-        "largest_gap_packets", "field_of_view_deg", "block_counts", "returns", "product",
-        "status_types", "calibration_in_stream", "status", "ledger",
+        "largest_gap_packets", "clock_jumps", "damaged_stamps", "field_of_view_deg",
+        "block_counts", "returns", "product", "status_types", "calibration_in_stream", "status",
+        "ledger",
     ]  # fmt: skip
     told = {fact.label: fact.text for fact in found.facts() if fact.label}
     assert told["gaps"] == "1, about 1 packets missing"

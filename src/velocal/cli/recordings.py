@@ -44,7 +44,7 @@ def inspect(
     recording = scanned(file, scanner, port, address, max_missing)
     inspection = recording.scan()
     if scanner is None and not candidates(inspection):
-        known, remarks = None, ["flags and packet rate fit no known scanner"]
+        known, remarks = None, ["flags and packet rate fit no known scanner", *inspection.remarks]
     else:
         known, remarks = recording.scanner, recording.remarks
     name = "unknown" if known is None else known.name

@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 from velocal.arrays import Array, joined_rows
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
-from velocal.packets.data import BLOCKS, view
-from velocal.packets.dual import check_choice
+from velocal.packets.data import BLOCKS, flags_and_azimuths, view
+from velocal.packets.dual import check_choice, dual_packets
 from velocal.packets.firings import Firings, decode
+from velocal.recording import timing
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
 from velocal.recording.returns import returns_of
@@ -216,14 +217,20 @@ class _Clock:
         self.interval_s = inspection.interval_for(scanner)
         self.per_block = scanner.firings_per_block
         self.epoch: float | None = None
+        jumps = inspection.clock_jumps or inspection.damaged_stamps
+        self.steady = timing.Clock(inspection.clock) if jumps else None
+        self.last, self.offset_s = -1, 0.0
 
     def packets(
         self,
         captured: Array | None,
-        stamps: NDArray[np.uint32],
+        payloads: NDArray[np.uint8],
         rotation: NDArray[np.int64],
     ) -> Array:
         """Time of packets, shape (n,), of the given rotations; NaN without a clock."""
+        stamps = view(payloads)["timestamp"]
+        if self.steady is not None:
+            return self._without_jumps(self.steady, captured, payloads, rotation)
         about = self.times[rotation]
         if self.kind == "device":
             clock = stamps * 1e-6
@@ -238,6 +245,24 @@ class _Clock:
         if self.kind == "device":
             since += HOUR_S * np.rint((about - since) / HOUR_S)
         return np.asarray(since)
+
+    def _without_jumps(
+        self,
+        clock: timing.Clock,
+        captured: Array | None,
+        payloads: NDArray[np.uint8],
+        rotation: NDArray[np.int64],
+    ) -> Array:
+        """Time of packets of a recording whose clock jumps, counted from where rotations begin."""
+        wire = view(payloads)
+        flag, azimuth = flags_and_azimuths(wire)
+        stamps, dual = np.ascontiguousarray(wire["timestamp"]), dual_packets(flag, azimuth)
+        since, _ = clock.times(stamps, captured, azimuth[:, 0], dual)
+        begins = np.flatnonzero(np.diff(rotation, prepend=self.last))
+        offsets = np.concatenate([[self.offset_s], self.times[rotation[begins]] - since[begins]])
+        at = np.searchsorted(begins, np.arange(len(rotation)), side="right")
+        self.last, self.offset_s = int(rotation[-1]), float(offsets[-1])
+        return np.asarray(since + offsets[at])
 
     def firings(self, block: NDArray[np.int64]) -> Array:
         """Time from the stamp of its packet to every firing, shape (n,), by its block."""
@@ -285,7 +310,7 @@ def stream(
             firings = decode(payloads, scanner, settings.returns)
             rotation = of_block.reshape(-1)[firings.block]
             captured = None if chunk.capture_time_s is None else chunk.capture_time_s[part]
-            sent = clock.packets(captured, view(payloads)["timestamp"], of_block.max(axis=1))
+            sent = clock.packets(captured, payloads, of_block.max(axis=1))
             time_s = sent[firings.block // BLOCKS] + clock.firings(firings.block)
             yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
 

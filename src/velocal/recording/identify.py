@@ -82,7 +82,7 @@ def check_scanner(inspection: Inspection, scanner: Scanner, where: str) -> list[
             allowed=allowed,
             hint=hint,
         )
-    remarks = []
+    remarks = inspection.remarks
     product, expected = inspection.product, scanner.factory_bytes
     if expected and product is not None and product not in expected:
         sender = [fit for fit in fits if product in fit.factory_bytes]

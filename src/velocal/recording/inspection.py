@@ -55,6 +55,8 @@ class Inspection:
         Greatest common divisor of all azimuths: 9 for an encoder of 0.09 degree.
     clock : str
         "device", "capture" or "none": where times come from.
+    unused_times : bool
+        Whether there are times of capture that hardly advance.
     clock_jumps : tuple of (int, float)
         Number of the first packet after each jump of that clock, and how far it jumps, seconds.
     damaged_stamps : int
@@ -83,6 +85,7 @@ class Inspection:
     azimuth_step_ticks: float = float("nan")
     azimuth_multiple: int = 0
     clock: str = "none"
+    unused_times: bool = False
     clock_jumps: tuple[tuple[int, float], ...] = ()
     damaged_stamps: int = 0
     irregular: int = 0
@@ -136,6 +139,23 @@ class Inspection:
         """Field of view, for people."""
         parts = [f"{first:.0f} to {last:.0f} deg" for first, last in self.view_deg]
         return ", ".join(parts) or "whole turn"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is unusual in the recording, whatever scanner made it."""
+        told = []
+        if self.unused_times:
+            told.append("the times of capture hardly advance, and are not used")
+        if self.clock_jumps:
+            packet, jump_s = max(self.clock_jumps, key=lambda jump: abs(jump[1]))
+            more = f"{len(self.clock_jumps)} times, most" if len(self.clock_jumps) > 1 else "once,"
+            told.append(
+                f"the {self.clock} clock jumps {more} by {jump_s:.6g} s before packet {packet}; "
+                "times go on as azimuth and capture tell"
+            )
+        if self.damaged_stamps:
+            told.append(f"{self.damaged_stamps} packets have a wrong time stamp, which is not used")
+        return told
 
     def interval_for(self, scanner: Scanner) -> float:
         """Time between packets, seconds.
@@ -205,6 +225,16 @@ class Inspection:
                     "gaps": self.gaps,
                     "packets_missing": self.packets_missing,
                     "largest_gap_packets": self.index.loss.largest,
+                },
+            ),
+            Fact(
+                "",
+                "",
+                {
+                    "clock_jumps": [
+                        {"packet": packet, "jump_s": jump_s} for packet, jump_s in self.clock_jumps
+                    ],
+                    "damaged_stamps": self.damaged_stamps,
                 },
             ),
             Fact("field of view", self.view_text, {"field_of_view_deg": self.view_deg}),

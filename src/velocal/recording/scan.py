@@ -316,6 +316,7 @@ class _Scan:
             azimuth_step_ticks=self._azimuths.step_ticks,
             azimuth_multiple=self._azimuths.multiple,
             clock=clock.kind,
+            unused_times=clock.unused,
             clock_jumps=tuple(clock.jumps),
             damaged_stamps=clock.damaged,
             irregular=clock.irregular,

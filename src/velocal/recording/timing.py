@@ -26,8 +26,11 @@ _ENCODER_TICKS = 12
 _RATE_SHARE = 0.02
 #: If the uncertainty is larger than this, the azimuth cannot tell how long a gap is.
 _UNKNOWN_TICKS = 9000
-#: Times of capture may be late by this time.
+#: Times of capture may be late by this time, and by less if nearly all are late by much less.
 _CAPTURE_DELAY_S = 1.0
+_LEAST_DELAY_S = 0.02
+#: They are a clock if they advance after this share of the packets: every 20 ms at 2500 packets/s.
+_ADVANCING = 0.02
 #: Pairs of packets from which the pace is measured again.
 _PACE_PAIRS = 64
 #: A limit of the field of view is seen in at least this many rotations, and in this share of them.
@@ -106,6 +109,7 @@ def judge_pairs(
     captured_s: Array | None,
     step: NDArray[np.int64],
     pace: tuple[Array, Array],
+    late_s: float = _CAPTURE_DELAY_S,
 ) -> Pairs:
     """Judge whether packets are missing between packets that follow one another, or a clock jumps.
 
@@ -121,6 +125,8 @@ def judge_pairs(
         Signed steps of the azimuth.
     pace : (ndarray, ndarray), each of shape (n,)
         Usual step in ticks, and usual interval in seconds.
+    late_s : float
+        Times of capture may be late by this time.
 
     Returns
     -------
@@ -137,17 +143,20 @@ def judge_pairs(
     allowed = _STEP_SHARE * np.abs(usual) + _ENCODER_TICKS
     even = np.abs(step - usual) <= allowed
     if kind == "device":
-        even &= (interval_s > 0) & (interval_s <= GAP_INTERVALS * usual_s)
+        turning = even
+        even = even & (interval_s > 0) & (interval_s <= GAP_INTERVALS * usual_s)
     elif kind == "capture":
         even &= np.abs(interval_s) <= _CAPTURE_DELAY_S
     rows = np.flatnonzero(~even)
     if len(rows) == 0:
         return pairs
-    judge = _by_device if kind == "device" else _by_azimuth
     captured = None if captured_s is None else captured_s[rows]
-    judge(pairs, rows, captured, step[rows].astype(np.float64), usual[rows], usual_s[rows])
+    of = (step[rows].astype(np.float64), usual[rows], usual_s[rows])
     if kind == "device":
-        _single_stamps(pairs, interval_s, usual_s)
+        _by_device(pairs, rows, captured, *of, late_s)
+        _single_stamps(pairs, rows, turning, interval_s, usual_s)
+    else:
+        _by_azimuth(pairs, rows, captured, *of)
     return pairs
 
 
@@ -158,6 +167,7 @@ def _by_device(
     step: Array,
     usual: Array,
     usual_s: Array,
+    late_s: float,
 ) -> None:
     """Judge uneven pairs of a recording with a device clock."""
     interval = pairs.elapsed_s[rows]
@@ -166,7 +176,7 @@ def _by_device(
     told = allowed <= _UNKNOWN_TICKS
     agree = ~told | (_circular(step - turned) <= allowed)
     if captured is not None:
-        late = np.maximum(_CAPTURE_DELAY_S, 0.05 * np.abs(interval))
+        late = np.maximum(late_s, 0.05 * np.abs(interval))
         agree &= np.abs(interval - captured) <= late
     else:
         # A long pause ends at any azimuth; that it goes on as if there was none is the clock's.
@@ -190,14 +200,22 @@ def _by_device(
     pairs.jump[rows] = jump
 
 
-def _single_stamps(pairs: Pairs, interval_s: Array, usual_s: Array) -> None:
-    """Where a clock jumps and jumps back with the next packet, put both times right."""
-    jumps = np.flatnonzero(pairs.jump[:-1])
-    back = interval_s[jumps] + interval_s[jumps + 1] - 2 * usual_s[jumps]
-    after = jumps[np.abs(back) <= usual_s[jumps] / 2] + 1
-    pairs.elapsed_s[after] = usual_s[after]
-    pairs.missing[after] = 0
-    pairs.jump[after] = True
+def _single_stamps(
+    pairs: Pairs,
+    rows: NDArray[np.int64],
+    turning: NDArray[np.bool_],
+    interval_s: Array,
+    usual_s: Array,
+) -> None:
+    """Put right where a single stamp is wrong: the clock jumps, and back with the next packet."""
+    first = rows[rows + 1 < len(turning)]
+    both = interval_s[first] + interval_s[first + 1] - usual_s[first] - usual_s[first + 1]
+    first = first[(np.abs(both) <= usual_s[first] / 2) & turning[first] & turning[first + 1]]
+    for at in (first, first + 1):
+        pairs.elapsed_s[at] = usual_s[at]
+        pairs.missing[at] = 0
+        pairs.irregular[at] = False
+        pairs.jump[at] = True
 
 
 def _by_azimuth(
@@ -237,7 +255,9 @@ class Clock:
     Attributes
     ----------
     kind : str
-        "device", "capture" or "none"; the first packets decide.
+        "device", "capture" or "none"; the first packets decide if it is not given.
+    unused : bool
+        Whether there are times of capture that hardly advance.
     jumps : list of (int, float)
         Number of the first packet after a jump of the clock, and how far it jumps, seconds.
     damaged : int
@@ -249,8 +269,10 @@ class Clock:
         nothing is missing, and the number of these pairs.
     """
 
-    def __init__(self) -> None:
-        self.kind = "none"
+    def __init__(self, kind: str | None = None) -> None:
+        self.kind = kind or "none"
+        self._known = kind is not None
+        self.unused = False
         self.jumps: list[tuple[int, float]] = []
         self.damaged = self.irregular = self.pairs = 0
         self.turned_ticks = self.elapsed_s = 0.0
@@ -341,11 +363,18 @@ class Clock:
 
     def _start(self, stamps: NDArray[np.uint32], captured_s: Array | None) -> None:
         """Decide for a clock, by the first packets."""
+        if self._known:
+            return
         if order.has_device_clock(stamps):
             self.kind, self._epoch_s = "device", int(stamps[0]) * 1e-6
-        elif captured_s is not None and (len(stamps) < 2 or np.ptp(captured_s) > 0):
-            # Times that are all equal, or zero, are no clock.
-            self.kind, self._epoch_s = "capture", float(captured_s[0])
+        elif captured_s is not None:
+            # Times that are nearly all equal, or run backward, are no clock.
+            steps = np.diff(captured_s)
+            forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+            self.unused = forward < max(back, _ADVANCING * len(steps))
+            self.unused |= len(steps) > 0 and forward == 0
+            if not self.unused:
+                self.kind, self._epoch_s = "capture", float(captured_s[0])
 
     def _judge(
         self,
@@ -361,13 +390,17 @@ class Clock:
                 self._paces[two] = _pace(step[rows], interval_s[rows])
         usual = np.array([pace.step_ticks for pace in self._paces])[dual]
         usual_s = np.array([pace.interval_s for pace in self._paces])[dual]
+        late_s = _CAPTURE_DELAY_S
         if captured_s is not None and self.kind == "device":
             # Times of capture count only if they advance as the device clock does.
             even = (interval_s > 0) & (interval_s <= GAP_INTERVALS * usual_s)
             ratio = captured_s[even].sum() / max(interval_s[even].sum(), 1e-9)
-            if not 0.5 < ratio < 2.0:
+            if 0.5 < ratio < 2.0:
+                jitter = np.percentile(np.abs(captured_s - interval_s)[even], 99)
+                late_s = float(np.clip(20.0 * jitter, _LEAST_DELAY_S, _CAPTURE_DELAY_S))
+            else:
                 captured_s = None
-        return judge_pairs(self.kind, interval_s, captured_s, step, (usual, usual_s))
+        return judge_pairs(self.kind, interval_s, captured_s, step, (usual, usual_s), late_s)
 
     def _note(self, found: Pairs, interval_s: Array, step: NDArray[np.int64], first: int) -> None:
         """Count what was found between packets, the first of which has this number."""
@@ -379,13 +412,15 @@ class Clock:
         rows = np.flatnonzero(found.jump)
         for group in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []:
             size = interval_s[group] - found.elapsed_s[group]
-            pair = len(group) == 2 and abs(size.sum()) < 1e-3 * abs(size[0])
-            if pair:
+            if self.kind == "device":
+                # The clock counts an hour: nobody knows by how many hours it jumps.
+                hour_s = order.HOUR_US * 1e-6
+                size = np.mod(size + hour_s / 2, hour_s) - hour_s / 2
+            if len(group) == 2 and abs(size.sum()) <= 1e-3 * abs(size[0]) + 1e-3:
                 self.damaged += 1
-            else:
-                self.jumps += [
-                    (first + int(at), float(s)) for at, s in zip(group, size, strict=True)
-                ]
+                continue
+            numbers = (first + group).tolist()
+            self.jumps += zip(numbers, np.round(size, 6).tolist(), strict=True)
 
 
 @dataclass(frozen=True)

@@ -371,8 +371,8 @@ class Clock:
             # Times that are nearly all equal, or run backward, are no clock.
             steps = np.diff(captured_s)
             forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-            self.unused = forward < max(back, _ADVANCING * len(steps))
-            self.unused |= len(steps) > 0 and forward == 0
+            few = max(back, _ADVANCING * len(steps))
+            self.unused = bool(len(steps) > 0 and (forward < few or forward == 0))
             if not self.unused:
                 self.kind, self._epoch_s = "capture", float(captured_s[0])
 

@@ -370,7 +370,7 @@ class Clock:
         elif captured_s is not None:
             # Times that are nearly all equal, or run backward, are no clock.
             steps = np.diff(captured_s)
-            forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+            forward, back = int(np.count_nonzero(steps > 0)), int(np.count_nonzero(steps < 0))
             few = max(back, _ADVANCING * len(steps))
             self.unused = bool(len(steps) > 0 and (forward < few or forward == 0))
             if not self.unused:

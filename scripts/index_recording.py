@@ -8,6 +8,7 @@ from velocal.capture.source import SourceFilter
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
+from velocal.recording.motion import check_standing
 from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
 from velocal.scanner.models import scanner_named
@@ -33,6 +34,7 @@ def main(
     inspection = inspect(recording, source=source, max_missing=max_missing)
     known = scanner_named(scanner)
     remarks = check_scanner(inspection, known, str(recording))
+    check_standing(recording, inspection.index, known, source)
     write_index(rotations, inspection.index)
     facts = {"scanner": scanner, **inspection.as_dict(known), "remarks": remarks}
     storage.write_json(ledger, {"file": recording.name, **facts})

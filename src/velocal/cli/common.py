@@ -87,6 +87,12 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
+def tell(remarks: list[str]) -> None:
+    """Print remarks on the error stream."""
+    for remark in remarks:
+        errors.print(f"[bold yellow]remark[/] {escape(remark)}")
+
+
 def scanned(
     file: Path,
     scanner: str | None = None,

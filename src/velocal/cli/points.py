@@ -10,7 +10,17 @@ import typer
 from numpy.typing import NDArray
 
 from velocal.calibration.files import formats
-from velocal.cli.common import Address, File, Port, Returns, ScannerName, escape, progress, scanned
+from velocal.cli.common import (
+    Address,
+    File,
+    Port,
+    Returns,
+    ScannerName,
+    escape,
+    progress,
+    scanned,
+    tell,
+)
 from velocal.errors import ConfigError
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
@@ -74,6 +84,7 @@ def points(
     check_choice(returns, "--return")
     recording = scanned(file, scanner, port, address)
     inspection, known = recording.scan(), recording.scanner
+    tell([*recording.remarks, *recording.motion_remarks()])
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
         known,

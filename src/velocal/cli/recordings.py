@@ -21,10 +21,10 @@ from velocal.cli.common import (
     print_json,
     progress,
     scanned,
+    tell,
 )
-from velocal.errors import ConfigError
+from velocal.errors import ConfigError, RecordingError
 from velocal.packets.dual import check_choice
-from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
@@ -43,10 +43,13 @@ def inspect(
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
     recording = scanned(file, scanner, port, address, max_missing)
     inspection = recording.scan()
-    if scanner is None and not candidates(inspection):
-        known, remarks = None, ["flags and packet rate fit no known scanner", *inspection.remarks]
-    else:
+    known: Scanner | None = None
+    try:
         known, remarks = recording.scanner, recording.remarks
+    except RecordingError as error:
+        if scanner is not None:
+            raise
+        remarks = [error.what, *inspection.remarks]
     name = "unknown" if known is None else known.name
     told = inspection.as_dict(known)
     facts = {"file": file.name, "scanner": name, **told, "remarks": remarks}
@@ -111,6 +114,7 @@ def decode(
     check_choice(returns, "--return")
     recording = scanned(file, scanner, port, address, max_missing)
     known, index = recording.scanner, recording.rotations
+    tell(recording.remarks)
     chosen = recording.select(window, rotations)
     total = int(index.packet[chosen[-1] + 1] - index.packet[chosen[0]])
     with progress(f"Decoding {escape(file.name)}") as (bar, task):

@@ -257,7 +257,7 @@ class _Clock:
         wire = view(payloads)
         flag, azimuth = flags_and_azimuths(wire)
         stamps, dual = np.ascontiguousarray(wire["timestamp"]), dual_packets(flag, azimuth)
-        since, _ = clock.times(stamps, captured, azimuth[:, 0], dual)
+        since, _ = clock.times(stamps, captured, azimuth, dual)
         begins = np.flatnonzero(np.diff(rotation, prepend=self.last))
         offsets = np.concatenate([[self.offset_s], self.times[rotation[begins]] - since[begins]])
         at = np.searchsorted(begins, np.arange(len(rotation)), side="right")

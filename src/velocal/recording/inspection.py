@@ -14,6 +14,8 @@ from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 
 #: The nominal time between packets is used where the measured one differs by less than this share.
 INTERVAL_TOLERANCE = 0.01
+#: Packets with two returns are told where they are neither nearly none nor nearly all.
+DUAL_SHARE = 0.001
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ class Inspection:
         Packets whose time stamp alone is wrong.
     irregular : int
         Packets that cannot belong where they stand, or whose azimuth is damaged.
+    broken : int
+        Packets before which the azimuth does not go on as within packets, though the device clock
+        says that nothing is missing.
+    turning : {"forward", "backward", "standing"}
+        How the head turns.
     block_counts : dict of str to int
         Number of upper and lower blocks; of the third and fourth bank of a VLS-128.
     dual : bool
@@ -70,8 +77,12 @@ class Inspection:
     mode : str
         What the scanner says of its returns: "strongest", "last" or "dual"; empty if it says
         nothing.
+    packets_dual : int
+        Packets that hold two returns of a shot.
     product : int or None
-        Last byte of the payloads, if it never changes.
+        Last byte of the payloads, if it changes in a few damaged packets at most.
+    products : dict of int to int
+        Packets by their last byte, for those that are not rare.
     status_types : str
         Printable status types in the last but one byte (HDL-64E S2 and S3).
     status : TrailingStatus
@@ -89,10 +100,14 @@ class Inspection:
     clock_jumps: tuple[tuple[int, float], ...] = ()
     damaged_stamps: int = 0
     irregular: int = 0
+    broken: int = 0
+    turning: str = "forward"
     block_counts: dict[str, int] = field(default_factory=dict)
     dual: bool = False
     mode: str = ""
+    packets_dual: int = 0
     product: int | None = None
+    products: dict[int, int] = field(default_factory=dict)
     status_types: str = ""
     status: TrailingStatus = field(default_factory=TrailingStatus)
 
@@ -155,6 +170,14 @@ class Inspection:
             )
         if self.damaged_stamps:
             told.append(f"{self.damaged_stamps} packets have a wrong time stamp, which is not used")
+        if self.turning != "forward":
+            how = "stands still" if self.turning == "standing" else "turns backward"
+            told.append(f"the head {how}: there are no rotations")
+        packets = self.ledger.data.packets
+        if DUAL_SHARE * packets < self.packets_dual < (1 - DUAL_SHARE) * packets:
+            told.append(
+                f"{self.packets_dual} of {packets} packets hold two returns a shot, the others one"
+            )
         return told
 
     def interval_for(self, scanner: Scanner) -> float:

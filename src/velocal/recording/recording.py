@@ -18,6 +18,7 @@ from velocal.packets.dual import check_choice
 from velocal.packets.status import TrailingStatus
 from velocal.recording.identify import identify
 from velocal.recording.inspection import Inspection
+from velocal.recording.motion import moved
 from velocal.recording.returns import Returns, returns_of
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
@@ -125,6 +126,10 @@ class Recording:
     def remarks(self) -> list[str]:
         """What is unusual in the recording for its scanner."""
         return self._identified[1]
+
+    def motion_remarks(self) -> list[str]:
+        """What tells that the scanner moved; see `moved`."""
+        return moved(self.path, self.rotations, self.scanner, self.source)
 
     @cached_property
     def _identified(self) -> tuple[Scanner, list[str]]:

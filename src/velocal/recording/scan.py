@@ -32,6 +32,10 @@ from velocal.study.samples import MAX_MISSING
 CLOCK_PACKETS = 256
 #: A smaller fall of the azimuth than this is jitter, or a head that turns backward.
 _FALL_TICKS = 500
+#: A last byte of fewer packets than this share is a damaged one.
+_RARE = 0.01
+#: A head that turns by less than this from packet to packet, 0.01 degree, stands still.
+_STANDING_TICKS = 2.0
 #: Names of the banks of 32 lasers, in the order of `BANK_FLAGS`.
 BANKS = ("upper", "lower", "third", "fourth")
 
@@ -217,6 +221,11 @@ class _Blocks:
         return int(np.count_nonzero(self._of_bank))
 
     @property
+    def packets_dual(self) -> int:
+        """Packets that hold two returns of a shot."""
+        return self._dual
+
+    @property
     def dual(self) -> bool:
         """Whether most packets hold two returns."""
         return 2 * self._dual > self._packets
@@ -234,10 +243,16 @@ class _LastBytes:
             count += np.bincount(values, minlength=256)
 
     @property
+    def products(self) -> dict[int, int]:
+        """Packets by their last byte, for those that are not rare."""
+        count = self._counts[1]
+        return {int(v): int(count[v]) for v in np.flatnonzero(count > _RARE * count.sum())}
+
+    @property
     def product(self) -> int | None:
-        """Last byte, if it never changes."""
-        values = np.flatnonzero(self._counts[1])
-        return int(values[0]) if len(values) == 1 else None
+        """Last byte, if it changes in a few damaged packets at most."""
+        values = list(self.products)
+        return values[0] if len(values) == 1 else None
 
     @property
     def mode(self) -> str:
@@ -249,6 +264,13 @@ class _LastBytes:
     def status_types(self) -> str:
         """Printable values of the last but one byte."""
         return "".join(chr(value) for value in np.flatnonzero(self._counts[0]) if 32 <= value < 127)
+
+
+def turning(step_ticks: float) -> str:
+    """How the head turns, by its step from packet to packet: forward, backward, or not at all."""
+    if abs(step_ticks) < _STANDING_TICKS:
+        return "standing"
+    return "backward" if step_ticks < 0 else "forward"
 
 
 class _Scan:
@@ -270,7 +292,7 @@ class _Scan:
         stamps = np.ascontiguousarray(wire["timestamp"])
         flag, azimuth = flags_and_azimuths(wire)
         dual, first = dual_packets(flag, azimuth), np.ascontiguousarray(azimuth[:, 0])
-        time_s, missing = self._clock.times(stamps, chunk.capture_time_s, first, dual)
+        time_s, missing = self._clock.times(stamps, chunk.capture_time_s, azimuth, dual)
         status = wire["status"]
         packets = _Packets(self.packets, chunk.offsets, time_s, flag, azimuth, status, dual)
         for part in (self._rotations, self._azimuths, self._blocks, self._last_bytes):
@@ -320,10 +342,14 @@ class _Scan:
             clock_jumps=tuple(clock.jumps),
             damaged_stamps=clock.damaged,
             irregular=clock.irregular,
+            broken=clock.broken,
+            turning=turning(index.step_ticks),
+            packets_dual=self._blocks.packets_dual,
             block_counts=self._blocks.counts,
             dual=self._blocks.dual,
             mode="" if status else self._last_bytes.mode,
             product=self._last_bytes.product,
+            products=self._last_bytes.products,
             status_types=self._last_bytes.status_types if types else "",
             status=self._status.result(),
         )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from velocal.arrays import Array
 from velocal.capture import order
+from velocal.packets.data import BLOCKS
 from velocal.recording.rotation_index import Loss
 from velocal.scanner.models import AZIMUTH_TICKS
 
@@ -44,10 +45,25 @@ _BLIND_SHARE = 0.02
 FEW_PACKETS = 3
 
 
-def signed_steps(azimuth: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Steps of azimuths, 0.01 degree, from half a turn backward to half a turn forward."""
+def signed(ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Angles, 0.01 degree, from half a turn backward to half a turn forward."""
     half = AZIMUTH_TICKS // 2
-    return np.mod(np.diff(azimuth.astype(np.int64)) + half, AZIMUTH_TICKS) - half
+    return np.mod(ticks + half, AZIMUTH_TICKS) - half
+
+
+def _goes_on(step: NDArray[np.int64], span: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether the azimuth goes on from packet to packet as within packets.
+
+    Parameters
+    ----------
+    step, span : ndarray of int64, shape (n,)
+        Signed azimuth from the first block of a packet to that of the next, and to its own last
+        block. A packet holds at least two shots, so that the step is up to twice the span; the span
+        of one shot is zero and tells nothing.
+    """
+    forward, size = step * np.sign(span), np.abs(span)
+    low, high = 0.75 * size - _ENCODER_TICKS, 2.25 * size + _ENCODER_TICKS
+    return np.asarray((span == 0) | ((forward >= low) & (forward <= high)))
 
 
 def _circular(ticks: Array) -> Array:
@@ -264,6 +280,9 @@ class Clock:
         Packets whose time stamp alone is wrong.
     irregular : int
         Packets that cannot belong where they stand, or whose azimuth is damaged.
+    broken : int
+        Packets before which the azimuth does not go on as within packets, though the device clock
+        says that nothing is missing.
     turned_ticks, elapsed_s, pairs
         Sums of the steps of the azimuth and of the times over the pairs of packets between which
         nothing is missing, and the number of these pairs.
@@ -274,14 +293,15 @@ class Clock:
         self._known = kind is not None
         self.unused = False
         self.jumps: list[tuple[int, float]] = []
-        self.damaged = self.irregular = self.pairs = 0
+        self.damaged = self.irregular = self.broken = self.pairs = 0
         self.turned_ticks = self.elapsed_s = 0.0
         self._packets = 0
         self._epoch_s = 0.0
         self._hours = 0
         self._offset_us = 0
         self._offset_s = 0.0
-        self._last: tuple[int, float, int, bool] = (0, float("nan"), 0, False)
+        nowhere = np.zeros(BLOCKS, dtype=np.uint16)
+        self._last: tuple[int, float, NDArray[np.uint16], bool] = (0, np.nan, nowhere, False)
         #: Pace with one and with two returns a shot.
         self._paces = [Pace(), Pace()]
 
@@ -308,8 +328,8 @@ class Clock:
             Trailing four bytes.
         captured_s : ndarray of float64, shape (n,), or None
             Times of capture, where the framing has them.
-        azimuth : ndarray of uint16, shape (n,)
-            Raw azimuth of the first block, 0.01 degree.
+        azimuth : ndarray of uint16, shape (n, 12)
+            Raw azimuth of every block, 0.01 degree.
         dual : ndarray of bool, shape (n,)
             Whether each packet holds two returns of a shot.
 
@@ -324,10 +344,11 @@ class Clock:
         if first:
             self._start(stamps, captured_s)
             at_s = float("nan") if captured_s is None else float(captured_s[0])
-            self._last = (int(stamps[0]), at_s, int(azimuth[0]), bool(dual[0]))
+            self._last = (int(stamps[0]), at_s, azimuth[0], bool(dual[0]))
         stamp, at_s, last_azimuth, was_dual = self._last
+        joined = np.concatenate([last_azimuth[None], azimuth]).astype(np.int64)
         before = np.concatenate([[was_dual], dual[:-1]]).astype(np.int64)
-        step = signed_steps(np.concatenate([[last_azimuth], azimuth]))
+        step, span = signed(np.diff(joined[:, 0])), signed(joined[:-1, -1] - joined[:-1, 0])
         caught = None if captured_s is None else np.diff(captured_s, prepend=at_s)
         ticks = stamps.astype(np.int64)
         raw = np.diff(ticks, prepend=stamp)
@@ -344,6 +365,8 @@ class Clock:
         missing = np.zeros(len(stamps), dtype=np.int64)
         missing[rows] = found.missing
         self._note(found, interval[rows], step[rows], self._packets + int(first))
+        told = (found.missing > 0) & ~found.jump if self.kind == "device" else False
+        self.broken += int(np.count_nonzero(~_goes_on(step[rows], span[rows]) & ~np.array(told)))
         shift = np.zeros(len(stamps))
         shift[rows] = np.where(found.jump, found.elapsed_s - interval[rows], 0.0)
         if self.kind == "device":
@@ -357,7 +380,7 @@ class Clock:
         else:
             time_s = np.full(len(stamps), np.nan)
         at_s = float("nan") if captured_s is None else float(captured_s[-1])
-        self._last = (int(ticks[-1]), at_s, int(azimuth[-1]), bool(dual[-1]))
+        self._last = (int(ticks[-1]), at_s, azimuth[-1], bool(dual[-1]))
         self._packets += len(stamps)
         return np.asarray(time_s), missing
 

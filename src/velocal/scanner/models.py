@@ -88,6 +88,8 @@ class Scanner:
         One tick of the raw distance.
     other_factory_bytes : tuple of int
         Product bytes that were seen as well.
+    borrowed_factory_bytes : tuple of int
+        Product bytes of other models that early units of this model send.
     embeds_calibration : bool
         Whether the scanner sends its factory calibration in the status bytes of its packets.
     origin_height_m : float
@@ -115,6 +117,7 @@ class Scanner:
     vertical_offset_m: Array = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
+    borrowed_factory_bytes: tuple[int, ...] = ()
     embeds_calibration: bool = False
     origin_height_m: float = 0.0
 
@@ -259,6 +262,7 @@ def _one_column(
     rotational_deg: NDArray[np.floating] | None = None,
     dual_packet_rate_hz: float | None = None,
     other_factory_bytes: tuple[int, ...] = (),
+    borrowed_factory_bytes: tuple[int, ...] = (),
     distance_tick_m: float = DISTANCE_TICK_M,
 ) -> Scanner:
     """Describe a scanner with its lasers on the axis, interpolated within a firing.
@@ -275,6 +279,7 @@ def _one_column(
         firings_per_block=32 // n or 1,
         dual_packet_rate_hz=dual_packet_rate_hz or 2.0 * rate,
         other_factory_bytes=other_factory_bytes,
+        borrowed_factory_bytes=borrowed_factory_bytes,
         distance_tick_m=distance_tick_m,
         origin_height_m=origin_height_m,
         firing_cycle_s=firing_cycle_s,
@@ -312,7 +317,9 @@ def _hdl32e() -> Scanner:
     )
 
 
-def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
+def _vlp16(
+    name: str, *, step_deg: float, factory_byte: int, borrowed: tuple[int, ...] = ()
+) -> Scanner:
     """VLP-16: 16 lasers in even steps, two firings in a block of 32 channels.
 
     The steps are 2 deg (-15 to +15 deg), and 4/3 deg (-10 to +10 deg) of a Hi-Res; the timing is
@@ -330,6 +337,7 @@ def _vlp16(name: str, *, step_deg: float, factory_byte: int) -> Scanner:
         azimuth_bin_ticks=20,
         max_range_m=100.0,
         factory_byte=factory_byte,
+        borrowed_factory_bytes=borrowed,
         origin_height_m=0.0377,
     )
 
@@ -420,7 +428,7 @@ SCANNERS: dict[str, Scanner] = {
         _hdl64e("HDL-64E-S1", packet_rate_hz=2500.0, firing_cycle_s=100.0e-6, dual=False),
         _hdl64e("HDL-64E-S3", packet_rate_hz=3472.17, firing_cycle_s=48.0e-6),
         _hdl32e(),
-        _vlp16("VLP-16", step_deg=2.0, factory_byte=0x22),
+        _vlp16("VLP-16", step_deg=2.0, factory_byte=0x22, borrowed=(0x21,)),
         _vlp16("VLP-16-Hi-Res", step_deg=4.0 / 3.0, factory_byte=0x24),
         _vlp32c(),
         _vls128(),

@@ -8,6 +8,7 @@ from velocal.capture.source import SourceFilter
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording.identify import check_scanner
+from velocal.recording.motion import check_standing
 from velocal.recording.scan import inspect
 from velocal.recording.windows import write_index
 from velocal.scanner.models import scanner_named
@@ -22,16 +23,20 @@ def main(
     scanner: str,
     port: int | None,
     address: str | None,
+    max_missing: float,
 ) -> None:
     """Write the ledger as JSON and the index as Parquet.
 
     Where a file for it is given, the calibration embedded in the status bytes is written as well,
     every value as the wire holds it; that it is not there is an error then.
     """
-    inspection = inspect(recording, source=SourceFilter(port, address))
-    remarks = check_scanner(inspection, scanner_named(scanner), str(recording))
+    source = SourceFilter(port, address)
+    inspection = inspect(recording, source=source, max_missing=max_missing)
+    known = scanner_named(scanner)
+    remarks = check_scanner(inspection, known, str(recording))
+    check_standing(recording, inspection.index, known, source)
     write_index(rotations, inspection.index)
-    facts = {"scanner": scanner, **inspection.as_dict(), "remarks": remarks}
+    facts = {"scanner": scanner, **inspection.as_dict(known), "remarks": remarks}
     storage.write_json(ledger, {"file": recording.name, **facts})
     if calibration:
         # Not `formats.write`: a change of another format would have every recording scanned again.

@@ -48,7 +48,7 @@ def main(
         list(returns_of(recording, index, single.numbers, known, returns=which, source=source))
     )
     # The duration of a single rotation is known to a packet only.
-    beams = replace(returns, rotation_rate_hz=index.rate_hz()).beams()
+    beams = replace(returns, rotation_rate_hz=index.rate_for(known)).beams()
     station, factory = read_station(survey), formats.read_or_nominal(calibration, known)
     rows = assigned_rows(beams, factory, station.patches, limits.metric())
     data = station.observations(rows)

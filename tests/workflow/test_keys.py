@@ -99,6 +99,9 @@ CHANGES = {
         "simulation.seeds.rotations", 5, Given("replicate_study", "rotations", (("seed", "1"),))
     ),
     "windows.rotations": change("windows.rotations", 3, f"results/returns/{SA3}.parquet"),
+    "windows.max_missing": change(
+        "windows.max_missing", 0.2, Given("index_recording", "max_missing", (("sample", "sa3"),))
+    ),
     "reduction.min_count": change("reduction.min_count", 3, MEDIANS),
     "reduction.return": change("reduction.return", "last", "results/returns/dual/all.parquet"),
     "reduction.azimuth_bin_deg.{scanner}": change(

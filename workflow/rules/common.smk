@@ -8,7 +8,7 @@ from velocal.errors import VelocalError
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
-from velocal.study.samples import NOMINAL, WHOLE, WINDOWS
+from velocal.study.samples import MAX_MISSING, NOMINAL, WHOLE, WINDOWS
 from velocal.study.study import read_study
 from velocal.survey.files import check_survey
 

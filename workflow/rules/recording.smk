@@ -33,6 +33,7 @@ rule index_recording:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
+        max_missing=SETTINGS.windows.max_missing if SETTINGS.windows else MAX_MISSING,
     script:
         "../../scripts/index_recording.py"
 

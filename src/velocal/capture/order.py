@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from velocal.capture.chunk import Chunk, joined
 from velocal.capture.ledger import Ledger
 from velocal.packets.data import view
+from velocal.scanner.models import AZIMUTH_TICKS
 
 #: The device clock counts the microseconds of an hour.
 HOUR_US = 3_600_000_000
@@ -20,6 +21,10 @@ HOUR_US = 3_600_000_000
 BOUND = 32
 #: Steps of a clock from packet to packet are shorter than this.
 _STEP_US = 100_000
+#: The encoder of an HDL-64E is as coarse as this, 0.01 degree.
+_ENCODER_TICKS = 12
+#: A clock that jumps more often, as a share of the packets, is not put right.
+_FEW_UNEVEN = 0.1
 
 
 def clock_steps(stamps: NDArray[np.uint32]) -> NDArray[np.int64]:
@@ -114,7 +119,8 @@ class Reorder:
         stamps = _stamps(chunk)
         if not has_device_clock(stamps, ordered=False):
             return chunk
-        time = np.concatenate([[0], np.cumsum(clock_steps(stamps))])
+        azimuth = view(chunk.payloads)["blocks"]["azimuth"][:, 0]
+        time = np.concatenate([[0], np.cumsum(_steady_steps(clock_steps(stamps), azimuth))])
         order, stray, late = _order(time)
         if stray.any():
             self._drop(f"late by more than {BOUND} packets", chunk, stray)
@@ -128,6 +134,37 @@ class Reorder:
         """Enter packets in the ledger that are dropped."""
         self._ledger.reject(reason, int(rows.sum()), int(chunk.sizes[rows].sum()))
         self.changed = True
+
+
+def _steady_steps(steps: NDArray[np.int64], azimuth: NDArray[np.uint16]) -> NDArray[np.int64]:
+    """Steps of the clock without its jumps and without damaged stamps.
+
+    There the head goes on evenly, from the packet before to the packet after. A packet that comes
+    late interrupts the azimuth.
+
+    Parameters
+    ----------
+    steps : ndarray of int64, shape (n - 1,)
+        Microseconds.
+    azimuth : ndarray of uint16, shape (n,)
+        Raw azimuth of the first block, 0.01 degree.
+
+    Returns
+    -------
+    ndarray of int64, shape (n - 1,)
+    """
+    half = AZIMUTH_TICKS // 2
+    turned = np.mod(np.diff(azimuth.astype(np.int64)) + half, AZIMUTH_TICKS) - half
+    usual, forward = float(np.median(turned)), steps[steps > 0]
+    if not len(forward) or abs(usual) < _ENCODER_TICKS:
+        return steps
+    even = np.abs(turned - usual) <= max(abs(usual) / 4, _ENCODER_TICKS)
+    padded = np.concatenate([[True], even, [True]])
+    interval = float(np.median(forward))
+    uneven = even & padded[:-2] & padded[2:] & ((steps <= 0) | (steps > 1.5 * interval))
+    if np.count_nonzero(uneven) > _FEW_UNEVEN * len(steps):
+        return steps  # the packets, not the clock, are out of order
+    return np.where(uneven, round(interval), steps)
 
 
 def _duplicates(payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:

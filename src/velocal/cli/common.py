@@ -17,6 +17,7 @@ from velocal.errors import visible
 from velocal.io.storage import finite
 from velocal.recording.recording import Recording, open_recording
 from velocal.scanner.models import SCANNERS, scanner_named
+from velocal.study.samples import MAX_MISSING
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -44,6 +45,16 @@ ScannerName = Annotated[
 
 
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
+MaxMissing = Annotated[
+    float,
+    typer.Option(
+        "--max-missing",
+        min=0.0,
+        max=1.0,
+        help="Share of its azimuth that a complete rotation may miss where packets are lost.",
+    ),
+]
+
 Returns = Annotated[
     str,
     typer.Option("--return", help="Where a shot has two returns: both, strongest or last."),
@@ -91,15 +102,25 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
         yield bar, bar.add_task(what, total=None)
 
 
+def tell(remarks: list[str]) -> None:
+    """Print remarks on the error stream."""
+    for remark in remarks:
+        errors.print(f"[bold yellow]remark[/] {escape(remark)}")
+
+
 def scanned(
-    file: Path, scanner: str | None = None, port: int | None = None, address: str | None = None
+    file: Path,
+    scanner: str | None = None,
+    port: int | None = None,
+    address: str | None = None,
+    max_missing: float = MAX_MISSING,
 ) -> Recording:
     """Open a recording and scan it, with progress.
 
     Parameters and errors are those of `open_recording` and of `Recording.scan`.
     """
     stated = None if scanner is None else scanner_named(scanner, where="--scanner")
-    recording = open_recording(file, stated, port, address)
+    recording = open_recording(file, stated, port, address, max_missing)
     with progress(f"Scanning {escape(file.name)}") as (bar, task):
         recording.scan(lambda done, total: bar.update(task, completed=done, total=total))
     return recording

@@ -23,12 +23,13 @@ from velocal.cli.common import (
     progress,
     say,
     scanned,
+    tell,
 )
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
 from velocal.points.files import FORMATS, cloud_writer
-from velocal.points.stream import FRAMES, Settings, raw_returns, rotation_rate_hz, stream
+from velocal.points.stream import FRAMES, Settings, raw_returns, stream
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
 
@@ -93,6 +94,7 @@ def points(
     check_outputs([output, *drawn], [file, *map(Path, filter(None, named))], overwrite=force)
     recording = scanned(file, scanner, port, address)
     inspection, known = recording.scan(), recording.scanner
+    tell([*recording.remarks, *recording.motion_remarks()])
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
         known,
@@ -118,7 +120,7 @@ def points(
             moved += float(columns["shift"].sum()) if before is not None else 0.0
             bar.advance(task, packets)
     say(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
-    rate_hz = rotation_rate_hz(inspection, chosen)
+    rate_hz = inspection.index.rate_for(known, chosen)
     read = [(calibration, applied(settings.parameters, known, rate_hz))]
     if before is not None and settings.before is not None:
         read.insert(0, (before, applied(settings.before, known, rate_hz)))

@@ -14,6 +14,7 @@ from velocal.cli.common import (
     Address,
     File,
     Force,
+    MaxMissing,
     Port,
     Returns,
     ScannerName,
@@ -22,14 +23,16 @@ from velocal.cli.common import (
     progress,
     say,
     scanned,
+    tell,
 )
-from velocal.errors import ConfigError
+from velocal.errors import ConfigError, RecordingError
 from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
-from velocal.recording.identify import candidates
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
+from velocal.scanner.models import Scanner
+from velocal.study.samples import MAX_MISSING
 
 
 def inspect(
@@ -37,30 +40,37 @@ def inspect(
     scanner: ScannerName = None,
     port: Port = None,
     address: Address = None,
+    max_missing: MaxMissing = MAX_MISSING,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    recording = scanned(file, scanner, port, address)
+    recording = scanned(file, scanner, port, address, max_missing)
     inspection = recording.scan()
-    if scanner is None and not candidates(inspection):
-        name, remarks = "unknown", ["flags and packet rate fit no known scanner"]
-    else:
-        name, remarks = recording.scanner.name, recording.remarks
-    facts = {"file": file.name, "scanner": name, **inspection.as_dict(), "remarks": remarks}
+    known: Scanner | None = None
+    try:
+        known, remarks = recording.scanner, recording.remarks
+    except RecordingError as error:
+        if scanner is not None:
+            raise
+        remarks = [error.what, *inspection.remarks]
+    name = "unknown" if known is None else known.name
+    told = inspection.as_dict(known)
+    facts = {"file": file.name, "scanner": name, **told, "remarks": remarks}
     if as_json:
         print_json(facts)
         return
-    _print_facts(inspection, name, remarks)
+    _print_facts(inspection, known, remarks)
 
 
-def _print_facts(inspection: Inspection, scanner: str, remarks: list[str]) -> None:
+def _print_facts(inspection: Inspection, scanner: Scanner | None, remarks: list[str]) -> None:
     """Print facts, remarks and the ledger as tables."""
     ledger = inspection.ledger
     console = Console(highlight=False)
     top = Table(show_header=False, box=None, pad_edge=False)
     senders = ", ".join(f"{name} ({n})" for name, n in ledger.senders.items())
-    rows = {"scanner": scanner, "framing": ledger.framing, "sent from": senders or "unknown"}
-    rows |= {fact.label: fact.text for fact in inspection.facts() if fact.label}
+    name = "unknown" if scanner is None else scanner.name
+    rows = {"scanner": name, "framing": ledger.framing, "sent from": senders or "unknown"}
+    rows |= {fact.label: fact.text for fact in inspection.facts(scanner) if fact.label}
     if ledger.reordered:
         rows["put in order"] = f"{ledger.reordered} packets that had come late"
     if ledger.assembled:
@@ -96,6 +106,7 @@ def decode(
     rotations: Annotated[int, typer.Option(min=1, help="Complete rotations of a window.")] = 100,
     port: Port = None,
     address: Address = None,
+    max_missing: MaxMissing = MAX_MISSING,
     returns: Returns = "both",
     force: Force = False,
 ) -> None:
@@ -106,8 +117,9 @@ def decode(
         )
     check_choice(returns, "--return")
     check_outputs([output], [file], overwrite=force)
-    recording = scanned(file, scanner, port, address)
+    recording = scanned(file, scanner, port, address, max_missing)
     known, index = recording.scanner, recording.rotations
+    tell(recording.remarks)
     chosen = recording.select(window, rotations)
     total = int(index.packet[chosen[-1] + 1] - index.packet[chosen[0]])
     with progress(f"Decoding {escape(file.name)}") as (bar, task):

@@ -18,6 +18,9 @@ ONLY, STRONGEST, LAST = 0, 1, 2
 #: What can be asked for where a shot has two returns.
 CHOICES = ("both", "strongest", "last")
 
+#: Packets of which the greater part decides whether the one in their middle holds two returns.
+NEIGHBOURS = 9
+
 
 def check_choice(returns: str, where: str | None = None) -> None:
     """Check the choice of returns.
@@ -101,10 +104,11 @@ def two_returns(flag: NDArray[np.uint16], azimuth: NDArray[np.uint16]) -> NDArra
     return np.asarray(pairs | paired)
 
 
-def mostly_two_returns(flag: NDArray[np.uint16], azimuth: NDArray[np.uint16]) -> bool:
-    """Whether most packets hold two returns.
+def dual_packets(flag: NDArray[np.uint16], azimuth: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Tell which of consecutive packets hold two returns, by each packet and its neighbours.
 
-    A damaged packet, or one of a head that stands still, does not change the setting of a scanner.
+    A few damaged packets among others do not change the setting of a scanner, but the setting may
+    change in the middle of a recording.
 
     Parameters
     ----------
@@ -112,6 +116,14 @@ def mostly_two_returns(flag: NDArray[np.uint16], azimuth: NDArray[np.uint16]) ->
 
     Returns
     -------
-    bool
+    ndarray of bool, shape (n,)
     """
-    return 2 * int(np.count_nonzero(two_returns(flag, azimuth))) > len(flag)
+    found = two_returns(flag, azimuth)
+    share = np.count_nonzero(found)
+    if share in (0, len(found)):
+        return found
+    if 2 * min(share, len(found) - share) < NEIGHBOURS:
+        return np.full(len(found), 2 * share > len(found))
+    ends = [np.repeat(found[at], NEIGHBOURS // 2) for at in (0, -1)]
+    around = np.cumsum(np.concatenate([[0], ends[0], found, ends[1]]))
+    return np.asarray(2 * (around[NEIGHBOURS:] - around[:-NEIGHBOURS]) > NEIGHBOURS)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import rows_of
+from velocal.arrays import joined_rows, rows_of
 from velocal.packets.data import BLOCKS, flags_and_azimuths, median_azimuth_step, view
 from velocal.packets.dual import (
     LAST,
@@ -16,7 +17,7 @@ from velocal.packets.dual import (
     DualLayout,
     check_choice,
     dual_layout,
-    mostly_two_returns,
+    dual_packets,
 )
 from velocal.scanner.models import AZIMUTH_TICKS, BANK_FLAGS, Scanner
 
@@ -73,7 +74,8 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both")
     payloads : ndarray of uint8, shape (n, 1206)
     scanner : Scanner
     returns : {"both", "strongest", "last"}
-        Which of the two returns of a shot, where packets hold two: both firings, in their order,
+        Which of the two returns of a shot, where packets hold two (it may change from packet to
+        packet): both firings, in their order,
         or one with the return of the greater intensity or distance. The block of the strongest
         holds the second strongest where the strongest is the last (VLP-16 manual), so neither
         block is taken as it is.
@@ -90,10 +92,35 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both")
     check_choice(returns)
     packets = view(payloads)
     flag, azimuth = flags_and_azimuths(packets)
+    two = dual_packets(flag, azimuth)
+    edges = [0, *(np.flatnonzero(two[1:] != two[:-1]) + 1).tolist(), len(two)]
+    parts = [
+        _decode(packets[a:b], flag[a:b], azimuth[a:b], scanner, dual=bool(two[a]), returns=returns)
+        for a, b in pairwise(edges)
+        if a < b
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    if not parts:
+        return _decode(packets, flag, azimuth, scanner, dual=False, returns=returns)
+    starts = zip(edges, parts, strict=False)
+    return joined_rows([replace(part, block=part.block + BLOCKS * a) for a, part in starts])
+
+
+def _decode(
+    packets: NDArray[np.void],
+    flag: NDArray[np.uint16],
+    azimuth: NDArray[np.uint16],
+    scanner: Scanner,
+    *,
+    dual: bool,
+    returns: str,
+) -> Firings:
+    """Decode packets that all hold one return of a shot, or all two; see `decode`."""
     channels = packets["blocks"]["channels"]
     width, per_block = scanner.lasers_per_firing, scanner.firings_per_block
     block = np.repeat(np.arange(flag.size), per_block)
-    dual = dual_layout(scanner) if mostly_two_returns(flag, azimuth) else None
+    layout = dual_layout(scanner) if dual else None
     firings = Firings(
         azimuth=_azimuths(azimuth, per_block),
         first_laser=np.repeat(_first_lasers(flag.reshape(-1), scanner), per_block),
@@ -101,14 +128,14 @@ def decode(payloads: NDArray[np.uint8], scanner: Scanner, returns: str = "both")
         distance=np.ascontiguousarray(channels["distance"]).reshape(-1, width),
         intensity=np.ascontiguousarray(channels["intensity"]).reshape(-1, width),
         block=block,
-        which=np.full(len(block), ONLY, dtype=np.uint8) if dual is None else dual.which(block),
+        which=np.full(len(block), ONLY, dtype=np.uint8) if layout is None else layout.which(block),
     )
     if scanner.flags == BANK_FLAGS:
         # With two returns, a scanner of four banks leaves four blocks of a packet empty.
         firings = firings[np.isin(flag.reshape(-1), BANK_FLAGS)[block]]
-    if dual is None or returns == "both":
+    if layout is None or returns == "both":
         return firings
-    return _one_return(firings, dual, per_block, returns)
+    return _one_return(firings, layout, per_block, returns)
 
 
 def _first_lasers(flag: NDArray[np.uint16], scanner: Scanner) -> NDArray[np.uint8]:

@@ -16,7 +16,7 @@ calibrations does not depend on phi. Single precision: within a few hundredths o
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +28,10 @@ from velocal.calibration.applied import applied
 from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
-from velocal.packets.data import BLOCKS, view
-from velocal.packets.dual import check_choice
+from velocal.packets.data import BLOCKS, flags_and_azimuths, view
+from velocal.packets.dual import check_choice, dual_packets
 from velocal.packets.firings import Firings, decode
+from velocal.recording import timing
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
 from velocal.recording.returns import returns_of
@@ -81,26 +82,6 @@ class Settings:
     frame: str = "velocal"
     returns: str = "strongest"
     source: SourceFilter = ANY_SOURCE
-
-
-def rotation_rate_hz(inspection: Inspection, rotations: NDArray[np.int64]) -> float:
-    """Rate of some rotations; that of the whole recording, or 0, if they do not tell.
-
-    Parameters
-    ----------
-    inspection : Inspection
-    rotations : ndarray of int64
-        Numbers of the rotations.
-
-    Returns
-    -------
-    float
-        Rotations per second.
-    """
-    for rate in (inspection.index.rate_hz(rotations), inspection.index.rate_hz()):
-        if np.isfinite(rate):
-            return rate
-    return 0.0
 
 
 class _Lasers:
@@ -268,19 +249,23 @@ class _Clock:
     def __init__(self, inspection: Inspection, scanner: Scanner) -> None:
         self.kind, self.times = inspection.clock, inspection.index.time_s
         self.together = len(scanner.flags) * (2 if inspection.dual else 1)
-        self.interval_s = 1.0 / (
-            scanner.dual_packet_rate_hz if inspection.dual else scanner.packet_rate_hz
-        )
+        self.interval_s = inspection.interval_for(scanner)
         self.per_block = scanner.firings_per_block
         self.epoch: float | None = None
+        jumps = inspection.clock_jumps or inspection.damaged_stamps
+        self.steady = timing.Clock(inspection.clock) if jumps else None
+        self.last, self.offset_s = -1, 0.0
 
     def packets(
         self,
         captured: Array | None,
-        stamps: NDArray[np.uint32],
+        payloads: NDArray[np.uint8],
         rotation: NDArray[np.int64],
     ) -> Array:
         """Time of packets, shape (n,), of the given rotations; NaN without a clock."""
+        stamps = view(payloads)["timestamp"]
+        if self.steady is not None:
+            return self._without_jumps(self.steady, captured, payloads, rotation)
         about = self.times[rotation]
         if self.kind == "device":
             clock = stamps * 1e-6
@@ -295,6 +280,24 @@ class _Clock:
         if self.kind == "device":
             since += HOUR_S * np.rint((about - since) / HOUR_S)
         return np.asarray(since)
+
+    def _without_jumps(
+        self,
+        clock: timing.Clock,
+        captured: Array | None,
+        payloads: NDArray[np.uint8],
+        rotation: NDArray[np.int64],
+    ) -> Array:
+        """Time of packets of a recording whose clock jumps, counted from where rotations begin."""
+        wire = view(payloads)
+        flag, azimuth = flags_and_azimuths(wire)
+        stamps, dual = np.ascontiguousarray(wire["timestamp"]), dual_packets(flag, azimuth)
+        since, _ = clock.times(stamps, captured, azimuth, dual)
+        begins = np.flatnonzero(np.diff(rotation, prepend=self.last))
+        offsets = np.concatenate([[self.offset_s], self.times[rotation[begins]] - since[begins]])
+        at = np.searchsorted(begins, np.arange(len(rotation)), side="right")
+        self.last, self.offset_s = int(rotation[-1]), float(offsets[-1])
+        return np.asarray(since + offsets[at])
 
     def firings(self, block: NDArray[np.int64]) -> Array:
         """Time from the stamp of its packet to every firing, shape (n,), by its block."""
@@ -332,7 +335,7 @@ def stream(
         Packets that they come from.
     """
     scanner = settings.scanner
-    lasers = _Lasers(settings, rotation_rate_hz(inspection, rotations))
+    lasers = _Lasers(settings, inspection.index.rate_for(scanner, rotations))
     clock = _Clock(inspection, scanner)
     index, source = inspection.index, settings.source
     for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
@@ -342,7 +345,7 @@ def stream(
             firings = decode(payloads, scanner, settings.returns)
             rotation = of_block.reshape(-1)[firings.block]
             captured = None if chunk.capture_time_s is None else chunk.capture_time_s[part]
-            sent = clock.packets(captured, view(payloads)["timestamp"], of_block.max(axis=1))
+            sent = clock.packets(captured, payloads, of_block.max(axis=1))
             time_s = sent[firings.block // BLOCKS] + clock.firings(firings.block)
             yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
 
@@ -441,8 +444,8 @@ def raw_returns(
         recording, inspection.index, rotations, settings.scanner,
         returns=settings.returns, source=settings.source,
     )  # fmt: skip
-    rate_hz = rotation_rate_hz(inspection, rotations)
-    beams = replace(joined_rows(list(parts)), rotation_rate_hz=rate_hz).beams()
-    dl = applied(settings.parameters, settings.scanner, rate_hz).model.dl
+    found = joined_rows(list(parts))
+    beams = found.beams()
+    dl = applied(settings.parameters, settings.scanner, found.rotation_rate_hz).model.dl
     range_m = beams.distance_m + dl[beams.laser_id]
     return beams[(range_m >= settings.min_range_m) & (range_m <= settings.max_range_m)]

@@ -18,12 +18,14 @@ from velocal.packets.dual import check_choice
 from velocal.packets.status import TrailingStatus
 from velocal.recording.identify import identify
 from velocal.recording.inspection import Inspection
+from velocal.recording.motion import moved
 from velocal.recording.returns import Returns, returns_of
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
+from velocal.study.samples import MAX_MISSING
 
 #: Complete rotations of a window, unless a caller says otherwise.
 WINDOW_ROTATIONS = 100
@@ -45,6 +47,8 @@ class Recording:
         Which of several scanners in the capture.
     stated : Scanner or None
         The scanner that is said to have made it; found from the packets if None.
+    max_missing : float
+        Largest share of its azimuth that a complete rotation may miss where packets are lost.
 
     Attributes
     ----------
@@ -52,10 +56,17 @@ class Recording:
     source : SourceFilter
     """
 
-    def __init__(self, path: Path, source: SourceFilter, stated: Scanner | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        source: SourceFilter,
+        stated: Scanner | None = None,
+        max_missing: float = MAX_MISSING,
+    ) -> None:
         self.path = path
         self.source = source
         self._stated = stated
+        self._max_missing = max_missing
         self._inspection: Inspection | None = None
 
     def __repr__(self) -> str:
@@ -80,7 +91,9 @@ class Recording:
             If the recording has not one valid data packet, or holds several scanners.
         """
         if self._inspection is None:
-            self._inspection = inspect(self.path, progress, self.source)
+            self._inspection = inspect(
+                self.path, progress, self.source, max_missing=self._max_missing
+            )
         return self._inspection
 
     @property
@@ -113,6 +126,10 @@ class Recording:
     def remarks(self) -> list[str]:
         """What is unusual in the recording for its scanner."""
         return self._identified[1]
+
+    def motion_remarks(self) -> list[str]:
+        """What tells that the scanner moved; see `moved`."""
+        return moved(self.path, self.rotations, self.scanner, self.source)
 
     @cached_property
     def _identified(self) -> tuple[Scanner, list[str]]:
@@ -255,6 +272,7 @@ def open_recording(
     scanner: str | Scanner | None = None,
     port: int | None = None,
     address: str | None = None,
+    max_missing: float = MAX_MISSING,
 ) -> Recording:
     """Open a recording: records of 1206 or 1248 bytes, pcap, pcapng, gzipped or not, or a ROS bag.
 
@@ -270,6 +288,9 @@ def open_recording(
         UDP port to which the scanner sends, where a capture holds several scanners.
     address : str, optional
         IPv4 address from which it sends; in a bag, its topic.
+    max_missing : float
+        Largest share of its azimuth that a complete rotation may miss where packets are lost. Three
+        lost packets are allowed as well, unless it is 0.
 
     Returns
     -------
@@ -293,4 +314,4 @@ def open_recording(
     """
     stated = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     capture = open_capture(Path(path), SourceFilter(port, address))
-    return Recording(capture.path, SourceFilter(port, address), stated)
+    return Recording(capture.path, SourceFilter(port, address), stated, max_missing)

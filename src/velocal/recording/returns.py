@@ -40,7 +40,7 @@ class Returns:
     ----------
     scanner : Scanner
     rotation_rate_hz : float
-        Median rate of all rotations that were asked for; NaN without time.
+        Rate of all rotations that were asked for, see `RotationIndex.rate_for`.
     rotation : ndarray of uint32, shape (n,)
         Number of the rotation in the recording.
     timestamp : ndarray of uint32, shape (n,)
@@ -182,7 +182,7 @@ def write_returns(
     facts: dict[str, Any] = {
         "scanner": scanner.name,
         "rotations": len(rotations),
-        "rotation_rate_hz": index.rate_hz(rotations),
+        "rotation_rate_hz": index.rate_for(scanner, rotations),
         "lasers_per_firing": scanner.lasers_per_firing,
         "distance_tick_m": scanner.distance_tick_m,
         "returns": returns,
@@ -223,7 +223,7 @@ def returns_of(
         If `returns` is unknown.
     """
     check_choice(returns)
-    rate_hz = index.rate_hz(rotations)
+    rate_hz = index.rate_for(scanner, rotations)
     packets = 0
     parts = read_rotations(recording, index, rotations, source)
     for payloads, rotation in _evenly((chunk.payloads, of_block) for chunk, of_block in parts):

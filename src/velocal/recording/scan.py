@@ -21,21 +21,32 @@ from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import RecordingError
 from velocal.io.identity import identify
 from velocal.packets.data import BLOCKS, MODES, flags_and_azimuths, median_azimuth_step, view
-from velocal.packets.dual import two_returns
+from velocal.packets.dual import dual_packets
 from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.inspection import Inspection
 from velocal.recording.rotation_index import RotationIndex
-from velocal.recording.timing import Clock, Gaps
+from velocal.recording.timing import Clock, Gaps, Missing
 from velocal.scanner.models import AZIMUTH_TICKS, BANK_FLAGS, SCANNERS
+from velocal.study.samples import MAX_MISSING
 
 #: Smallest number of packets that are examined together, where the recording has as many.
 CLOCK_PACKETS = 256
+#: A smaller fall of the azimuth than this is jitter, or a head that turns backward.
+_FALL_TICKS = 500
+#: A last byte of fewer packets than this share is a damaged one.
+_RARE = 0.01
+#: A head that turns by less than this from packet to packet, 0.01 degree, stands still.
+_STANDING_TICKS = 2.0
 #: Names of the banks of 32 lasers, in the order of `BANK_FLAGS`.
 BANKS = ("upper", "lower", "third", "fourth")
 
 
 def inspect(
-    path: Path, progress: Progress | None = None, source: SourceFilter = ANY_SOURCE
+    path: Path,
+    progress: Progress | None = None,
+    source: SourceFilter = ANY_SOURCE,
+    *,
+    max_missing: float = MAX_MISSING,
 ) -> Inspection:
     """Scan a recording once: ledger, rotations, timing, what the packets say of the scanner.
 
@@ -47,6 +58,8 @@ def inspect(
         Called with the bytes that are done and with all bytes.
     source : SourceFilter
         Which of several scanners.
+    max_missing : float
+        Largest share of its azimuth that a complete rotation may miss; see `Missing.tolerable`.
 
     Returns
     -------
@@ -64,7 +77,7 @@ def inspect(
         scan.consume(chunk)
     if scan.packets == 0:
         raise RecordingError("holds no valid data packet", where=str(path))
-    found = scan.result(reading.ledger, reading.seekable)
+    found = scan.result(reading.ledger, reading.seekable, max_missing)
     return replace(found, index=replace(found.index, recording=made_from))
 
 
@@ -95,6 +108,8 @@ class _Packets:
     azimuth : ndarray of uint16, shape (n, 12)
     status : ndarray of uint8, shape (n, 2)
         Last two bytes.
+    dual : ndarray of bool, shape (n,)
+        Whether each packet holds two returns of a shot.
     """
 
     first: int
@@ -103,13 +118,15 @@ class _Packets:
     flag: NDArray[np.uint16]
     azimuth: NDArray[np.uint16]
     status: NDArray[np.uint8]
+    dual: NDArray[np.bool_]
 
 
 class _Rotations:
     """Where rotations begin."""
 
     def __init__(self) -> None:
-        self._starts: list[tuple[int, int, int, float]] = []
+        #: Byte, block, packet and time; and whether the azimuth falls by less than half a turn.
+        self._starts: list[tuple[int, int, int, float, bool]] = []
         self._last_azimuth = 0
         self._end = 0
         self._last_time_s = float("nan")
@@ -118,36 +135,37 @@ class _Rotations:
         """Find the rotations that begin in some packets."""
         flat = packets.azimuth.reshape(-1).astype(np.int32)
         before = self._last_azimuth if packets.first else flat[0]
-        # A rotation begins where the azimuth falls by more than half a turn.
-        begins = np.flatnonzero(np.diff(flat, prepend=before) < -AZIMUTH_TICKS // 2)
+        # A rotation begins where the azimuth falls by more than half a turn. It falls by less where
+        # the field of view does not hold azimuth 0, which is known after the scan only.
+        fall = np.diff(flat, prepend=before)
+        begins = np.flatnonzero(fall < -_FALL_TICKS)
         if packets.first == 0:
             begins = np.concatenate([[0], begins])
         for begin in begins:
             packet, block = divmod(int(begin), BLOCKS)
             number, time_s = packets.first + packet, float(packets.time_s[packet])
-            self._starts.append((int(packets.offset[packet]), block, number, time_s))
+            small = bool(-AZIMUTH_TICKS // 2 <= fall[begin] < -_FALL_TICKS)
+            self._starts.append((int(packets.offset[packet]), block, number, time_s, small))
         self._last_azimuth = int(flat[-1])
         self._end = packets.first + len(packets.time_s)
         self._last_time_s = float(packets.time_s[-1])
 
-    def index(self, file_bytes: int, gaps: list[int], *, seekable: bool) -> RotationIndex:
-        """Index of all rotations.
+    def index(self, file_bytes: int, *, small_falls: bool, seekable: bool) -> RotationIndex:
+        """Index of all rotations, of which all but the first and the last are complete.
 
         Parameters
         ----------
         file_bytes : int
             End of the recording.
-        gaps : list of int
-            Numbers of the packets before which packets are missing.
+        small_falls : bool
+            Whether rotations begin where the azimuth falls by less than half a turn as well.
         seekable : bool
         """
-        columns = [*self._starts, (file_bytes, 0, self._end, self._last_time_s)]
+        starts = [start[:4] for start in self._starts if small_falls or not start[4]]
+        columns = [*starts, (file_bytes, 0, self._end, self._last_time_s)]
         offset, block, packet, time_s = (np.array(c) for c in zip(*columns, strict=True))
-        complete = np.ones(len(self._starts), dtype=bool)
+        complete = np.ones(len(starts), dtype=bool)
         complete[[0, -1]] = False
-        for at in gaps:
-            # The gap lies between two packets, which may belong to two rotations.
-            complete[np.searchsorted(packet[:-1], [at - 1, at], side="right") - 1] = False
         return RotationIndex(
             offset.astype(np.int64),
             block.astype(np.int8),
@@ -191,7 +209,7 @@ class _Blocks:
     def consume(self, packets: _Packets) -> None:
         """Count the blocks of some packets."""
         self._of_bank += [np.count_nonzero(packets.flag == flag) for flag in BANK_FLAGS]
-        self._dual += int(two_returns(packets.flag, packets.azimuth).sum())
+        self._dual += int(packets.dual.sum())
         self._packets += len(packets.flag)
 
     @property
@@ -204,6 +222,11 @@ class _Blocks:
     def banks(self) -> int:
         """Number of banks that occur."""
         return int(np.count_nonzero(self._of_bank))
+
+    @property
+    def packets_dual(self) -> int:
+        """Packets that hold two returns of a shot."""
+        return self._dual
 
     @property
     def dual(self) -> bool:
@@ -223,10 +246,16 @@ class _LastBytes:
             count += np.bincount(values, minlength=256)
 
     @property
+    def products(self) -> dict[int, int]:
+        """Packets by their last byte, for those that are not rare."""
+        count = self._counts[1]
+        return {int(v): int(count[v]) for v in np.flatnonzero(count > _RARE * count.sum())}
+
+    @property
     def product(self) -> int | None:
-        """Last byte, if it never changes."""
-        values = np.flatnonzero(self._counts[1])
-        return int(values[0]) if len(values) == 1 else None
+        """Last byte, if it changes in a few damaged packets at most."""
+        values = list(self.products)
+        return values[0] if len(values) == 1 else None
 
     @property
     def mode(self) -> str:
@@ -238,6 +267,13 @@ class _LastBytes:
     def status_types(self) -> str:
         """Printable values of the last but one byte."""
         return "".join(chr(value) for value in np.flatnonzero(self._counts[0]) if 32 <= value < 127)
+
+
+def turning(step_ticks: float) -> str:
+    """How the head turns, by its step from packet to packet: forward, backward, or not at all."""
+    if abs(step_ticks) < _STANDING_TICKS:
+        return "standing"
+    return "backward" if step_ticks < 0 else "forward"
 
 
 class _Scan:
@@ -257,33 +293,66 @@ class _Scan:
         """Let all parts look at a chunk."""
         wire = view(chunk.payloads)
         stamps = np.ascontiguousarray(wire["timestamp"])
-        time_s = self._clock.times(stamps, chunk.capture_time_s)
         flag, azimuth = flags_and_azimuths(wire)
-        packets = _Packets(self.packets, chunk.offsets, time_s, flag, azimuth, wire["status"])
+        dual, first = dual_packets(flag, azimuth), np.ascontiguousarray(azimuth[:, 0])
+        time_s, missing = self._clock.times(stamps, chunk.capture_time_s, azimuth, dual)
+        status = wire["status"]
+        packets = _Packets(self.packets, chunk.offsets, time_s, flag, azimuth, status, dual)
         for part in (self._rotations, self._azimuths, self._blocks, self._last_bytes):
             part.consume(packets)
-        self._gaps.consume(time_s, azimuth.astype(np.int32), self._clock.kind)
+        self._gaps.consume(time_s, first, missing)
         self._status.consume(chunk.payloads[:, -TRAILING.itemsize :])
         self.packets += len(wire)
 
-    def result(self, ledger: Ledger, seekable: bool) -> Inspection:
+    def _index(
+        self, file_bytes: int, seekable: bool, max_missing: float
+    ) -> tuple[RotationIndex, Missing]:
+        """Index of the rotations, and what is missing in the recording."""
+        pace = self._clock.pace
+        blind = self._gaps.blind(pace.step_ticks)
+        small = bool(blind[0])
+        index = self._rotations.index(file_bytes, small_falls=small, seekable=seekable)
+        begins = index.packet[:-1] * BLOCKS + index.block[:-1]
+        missing = self._gaps.result(pace.step_ticks, blind, begins)
+        complete = index.complete & missing.tolerable(max_missing)
+        mean_hz = abs(pace.step_ticks) / AZIMUTH_TICKS / pace.interval_s
+        found = replace(
+            index,
+            complete=complete,
+            loss=missing.loss,
+            step_ticks=pace.step_ticks,
+            mean_rate_hz=mean_hz,
+            dual=self._blocks.dual,
+        )
+        return found, missing
+
+    def result(self, ledger: Ledger, seekable: bool, max_missing: float) -> Inspection:
         """Tell what was found; `ledger` and `seekable` are those of the complete reading."""
-        gaps, clock, banks = self._gaps, self._clock.kind, self._blocks.banks
+        clock, banks = self._clock, self._blocks.banks
+        index, missing = self._index(ledger.file_bytes, seekable, max_missing)
         # The last bytes of scanners with as many banks mean a status, or mode and product.
         status = any(s.sends_status for s in SCANNERS.values() if len(s.flags) == banks)
+        types = status and clock.kind == "device"
         return Inspection(
-            index=self._rotations.index(ledger.file_bytes, gaps.packet, seekable=seekable),
+            index=index,
             ledger=ledger,
-            gaps=len(gaps.packet),
-            packets_missing=gaps.packets_missing,
-            packet_interval_s=gaps.interval_s,
+            view_deg=missing.view_deg,
+            packet_interval_s=self._gaps.interval_s,
             azimuth_step_ticks=self._azimuths.step_ticks,
             azimuth_multiple=self._azimuths.multiple,
-            clock=clock,
+            clock=clock.kind,
+            unused_times=clock.unused,
+            clock_jumps=tuple(clock.jumps),
+            damaged_stamps=clock.damaged,
+            irregular=clock.irregular,
+            broken=clock.broken,
+            turning=turning(index.step_ticks),
+            packets_dual=self._blocks.packets_dual,
             block_counts=self._blocks.counts,
             dual=self._blocks.dual,
             mode="" if status else self._last_bytes.mode,
             product=self._last_bytes.product,
-            status_types=self._last_bytes.status_types if status and clock == "device" else "",
+            products=self._last_bytes.products,
+            status_types=self._last_bytes.status_types if types else "",
             status=self._status.result(),
         )

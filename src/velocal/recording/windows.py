@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from velocal.io.identity import FileIdentity, identify
 from velocal.io.plain import from_plain, to_plain
 from velocal.packets.data import BLOCKS
 from velocal.packets.status import TRAILING, StatusReader
-from velocal.recording.rotation_index import RotationIndex
+from velocal.recording.rotation_index import Loss, RotationIndex
 from velocal.study.samples import WINDOWS
 
 #: Number of rotations, evenly spaced, from which the temperature of a window is read.
@@ -44,7 +44,16 @@ def write_index(path: Path, index: RotationIndex) -> None:
         "time_s": index.time_s,
         "complete": np.append(index.complete, False),
     }
-    storage.write_table(path, schemas.ROTATIONS, columns, recording=to_plain(index.recording))
+    storage.write_table(
+        path,
+        schemas.ROTATIONS,
+        columns,
+        recording=to_plain(index.recording),
+        **asdict(index.loss),
+        step_ticks=index.step_ticks,
+        mean_rate_hz=index.mean_rate_hz,
+        dual=index.dual,
+    )
 
 
 def read_index(path: Path) -> RotationIndex:
@@ -65,6 +74,10 @@ def read_index(path: Path) -> RotationIndex:
         columns["complete"][:-1],
         seekable=bool(offset[0] != _NOT_SEEKABLE),
         recording=from_plain(FileIdentity, facts.get("recording"), str(path)),
+        loss=Loss(facts["gaps"], facts["packets"], facts["largest"]),
+        step_ticks=facts["step_ticks"],
+        mean_rate_hz=facts["mean_rate_hz"],
+        dual=facts["dual"],
     )
 
 
@@ -97,11 +110,14 @@ def window_rotations(
         return np.arange(len(index))
     complete = np.flatnonzero(index.complete)
     if length is None or len(complete) < 3 * length:
+        lossy = index.loss.gaps > 0 and len(complete) < len(index) - 2
+        lost = f"; of {len(index)} rotations, with gaps: {index.loss}" if lossy else ""
+        allow = ", or allow more missing packets (`windows: max_missing`)" if lossy else ""
         raise ConfigError(
-            f"{len(complete)} complete rotations, too few for three windows of {length}",
+            f"{len(complete)} complete rotations, too few for three windows of {length}{lost}",
             where=where,
             allowed=f"at least {3 * (length or 0)}",
-            hint="Record longer, or lower `windows: rotations` in the configuration.",
+            hint=f"Record longer, or lower `windows: rotations` in the configuration{allow}.",
         )
     start = {
         "beginning": 0,

@@ -90,6 +90,8 @@ class Scanner:
         One tick of the raw distance.
     other_factory_bytes : tuple of int
         Product bytes that were seen as well.
+    borrowed_factory_bytes : tuple of int
+        Product bytes of other models that early units of this model send.
     embeds_calibration : bool
         Whether the scanner sends its factory calibration in the status bytes of its packets.
     origin_height_m : float
@@ -117,6 +119,7 @@ class Scanner:
     vertical_offset_m: Array = field(repr=False, compare=False)
     distance_tick_m: float = DISTANCE_TICK_M
     other_factory_bytes: tuple[int, ...] = ()
+    borrowed_factory_bytes: tuple[int, ...] = ()
     embeds_calibration: bool = False
     origin_height_m: float = 0.0
 
@@ -262,6 +265,7 @@ def _one_column(
     rotational_deg: NDArray[np.floating] | None = None,
     dual_packet_rate_hz: float | None = None,
     other_factory_bytes: tuple[int, ...] = (),
+    borrowed_factory_bytes: tuple[int, ...] = (),
     distance_tick_m: float = DISTANCE_TICK_M,
 ) -> Scanner:
     """Describe a scanner with its lasers in one column, interpolated within a firing.
@@ -278,6 +282,7 @@ def _one_column(
         firings_per_block=32 // n or 1,
         dual_packet_rate_hz=dual_packet_rate_hz or 2.0 * rate,
         other_factory_bytes=other_factory_bytes,
+        borrowed_factory_bytes=borrowed_factory_bytes,
         distance_tick_m=distance_tick_m,
         origin_height_m=origin_height_m,
         firing_cycle_s=firing_cycle_s,
@@ -334,7 +339,12 @@ def _hdl32e() -> Scanner:
 
 
 def _vlp16(
-    name: str, *, step_deg: float, factory_byte: int, offset_mm: NDArray[np.floating]
+    name: str,
+    *,
+    step_deg: float,
+    factory_byte: int,
+    offset_mm: NDArray[np.floating],
+    borrowed: tuple[int, ...] = (),
 ) -> Scanner:
     """VLP-16: 16 lasers in even steps, two firings in a block of 32 channels.
 
@@ -354,6 +364,7 @@ def _vlp16(
         azimuth_bin_ticks=20,
         max_range_m=100.0,
         factory_byte=factory_byte,
+        borrowed_factory_bytes=borrowed,
         origin_height_m=0.0377,
         vertical_offset_mm=np.concatenate([offset_mm, -offset_mm[::-1]])[rank],
     )
@@ -457,6 +468,7 @@ SCANNERS: dict[str, Scanner] = {
             step_deg=2.0,
             factory_byte=0x22,
             offset_mm=_crossing(np.arange(-15.0, 0.0, 2.0), 41.91),
+            borrowed=(0x21,),
         ),
         _vlp16("VLP-16-Hi-Res", step_deg=4.0 / 3.0, factory_byte=0x24, offset_mm=_HI_RES_OFFSET_MM),
         _vlp32c(),

@@ -28,6 +28,7 @@ from velocal.study.model import (
 from velocal.study.outputs import Export, Validation
 from velocal.study.planes import Box, Panel, PanelFit, PlaneSearch
 from velocal.study.reduction import Assignment, Reduction
+from velocal.study.samples import MAX_MISSING
 
 SampleName = Annotated[Name, Placeholder("{sample}")]
 PlaneName = Annotated[Text, Placeholder("{plane}")]
@@ -109,6 +110,13 @@ class Windows(Section):
 
     rotations: Count = Field(
         description="complete rotations of each of the windows beginning, middle and end"
+    )
+    max_missing: float = Field(
+        default=MAX_MISSING,
+        ge=0,
+        lt=1,
+        description="largest share of its azimuth that a complete rotation may miss where packets "
+        "are lost; three lost packets are allowed as well, unless this is 0",
     )
 
 

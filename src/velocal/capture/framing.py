@@ -14,14 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.capture.chunk import Chunk
-from velocal.capture.gzip_stream import Content
+from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
 from velocal.packets.data import DUAL_BANKS_BLOCKS, FLAG_POSITIONS, PAYLOAD_BYTES
 
 #: Bytes that are read at a time.
 CHUNK_BYTES = 8 << 20
-#: Step in which the next valid packet is looked for after damage; it is usually near.
-SEARCH_BYTES = 1 << 16
+#: Bytes that are read first after damage, as the next valid packet is usually near; reading then
+#: grows up to `SEARCH_BYTES`, or to `CHUNK_BYTES` where packets follow.
+FIRST_BYTES = 1 << 15
+SEARCH_BYTES = 1 << 20
+#: Bytes in which a payload is looked for first.
+NEAR_BYTES = 1 << 13
 #: Longest packet that a header may state; a longer one is a damaged header.
 MAX_CAPTURED = 1 << 18
 
@@ -96,10 +100,38 @@ def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.flatnonzero(candidate)
 
 
-def find_payload(data: NDArray[np.uint8]) -> int | None:
-    """First of `payload_positions`, or None if there is none."""
-    positions = payload_positions(data)
-    return int(positions[0]) if len(positions) else None
+def find_payload(data: bytes, begin: int, end: int | None = None) -> int | None:
+    """First of `payload_positions` from a byte on; what lies near costs little.
+
+    Parameters
+    ----------
+    data : bytes
+    begin : int
+        Byte at which the search begins.
+    end : int, optional
+        Byte before which the payload ends; all bytes if left out.
+
+    Returns
+    -------
+    int or None
+        Byte at which the payload begins, or None if there is none.
+    """
+    end = len(data) if end is None else min(end, len(data))
+    step = NEAR_BYTES
+    while end - begin >= PAYLOAD_BYTES:
+        # A payload begins with FF: looking for that byte is quicker than comparing all of them.
+        begin = data.find(b"\xff", begin, end)
+        if begin < 0:
+            return None
+        stop = min(begin + step, end)
+        found = payload_positions(np.frombuffer(data, np.uint8, stop - begin, begin))
+        if len(found):
+            return begin + int(found[0])
+        begin = max(stop - PAYLOAD_BYTES + 1, begin)
+        if stop == end:
+            return None
+        step = min(4 * step, SEARCH_BYTES)
+    return None
 
 
 def resynchronise(
@@ -134,13 +166,15 @@ def resynchronise(
 
 def _next_payload(file: Content, search: int, stop: int) -> tuple[int | None, int]:
     """Where the next payload lies from `search` on, or None; and where reading ended."""
+    step = min(FIRST_BYTES, SEARCH_BYTES)
     while search < stop:
         file.seek(search)
-        data = np.frombuffer(file.read(SEARCH_BYTES), dtype=np.uint8)
-        found = find_payload(data)
+        data = file.read(step)
+        found = find_payload(data, 0)
         if found is not None:
             return search + found, stop
-        if len(data) < SEARCH_BYTES:
+        if len(data) < step:
             return None, min(stop, search + len(data))
         search += len(data) - PAYLOAD_BYTES + 1
+        step = min(4 * step, SEARCH_BYTES)
     return None, stop

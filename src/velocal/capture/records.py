@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from velocal.capture import framing
 from velocal.capture.chunk import Chunk
-from velocal.capture.gzip_stream import Content
+from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
-from velocal.capture.udp import HEADER_BYTES, keep_valid, sender_of
+from velocal.capture.source import senders_of
+from velocal.capture.udp import HEADER_BYTES, keep_valid
 from velocal.packets.data import PAYLOAD_BYTES, check_payloads
 
 
@@ -46,11 +47,11 @@ class Records:
         Parameters and yields are those of `Framing.chunks`.
         """
         size = self.header_bytes + PAYLOAD_BYTES
-        per_chunk = framing.CHUNK_BYTES // size
-        position = start
+        most = framing.CHUNK_BYTES // size
+        position, at_once = start, most
         while position < stop:
             file.seek(position)
-            wanted = min(per_chunk * size, -(-(stop - position) // size) * size)
+            wanted = min(at_once * size, -(-(stop - position) // size) * size)
             data = np.frombuffer(file.read(wanted), dtype=np.uint8)
             n = len(data) // size
             if n == 0:
@@ -67,14 +68,19 @@ class Records:
             aligned = int(suspect[0]) if len(suspect) else n
             if aligned:
                 end = position + aligned * size
-                chunk = self._chunk(records[:aligned], payloads[:aligned], position, end)
+                # A part of what was read is copied: as a view it would keep all of it in memory.
+                part = payloads if aligned == n else payloads[:aligned].copy()
+                chunk = self._chunk(records[:aligned], part, position, end)
                 checked = flags_known[:aligned], azimuths_valid[:aligned]
                 yield keep_valid(chunk, ledger, checked)
                 position = end
-                continue
-            position = framing.resynchronise(
-                file, position, self.header_bytes, stop, ledger, "bytes without a record"
-            )
+            else:
+                position = framing.resynchronise(
+                    file, position, self.header_bytes, stop, ledger, "bytes without a record"
+                )
+            # After damage little is read at a time, as what follows the next damage is read again.
+            few = max(framing.FIRST_BYTES // size, 2)
+            at_once = min(2 * at_once if aligned == n else few, most)
 
     def _chunk(
         self, records: NDArray[np.uint8], payloads: NDArray[np.uint8], position: int, end: int
@@ -83,7 +89,7 @@ class Records:
         n, size = records.shape
         sender = None
         if self.addressed:
-            sender = sender_of(records[:, [26, 27, 28, 29, 36, 37]])
+            sender = senders_of(records[:, [26, 27, 28, 29, 36, 37]])
         offsets = position + size * np.arange(n, dtype=np.int64)
         return Chunk(payloads, offsets, np.full(n, size, dtype=np.int64), end, None, sender)
 

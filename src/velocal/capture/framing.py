@@ -7,6 +7,10 @@ is entered in a ledger. The end of the content need not be known: it is where re
 
 from __future__ import annotations
 
+import errno
+import io
+import os
+import re
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -100,6 +104,19 @@ def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.flatnonzero(candidate)
 
 
+def _pattern() -> re.Pattern[bytes]:
+    """Payload of which only the block flags are known, see `payload_positions`."""
+    between = b".{%d}" % (int(FLAG_POSITIONS[1]) - 2)
+    full = b"\xff[\xee\xdd\xcc\xbb]" + between
+    tail = b"(?:\xff[\xff\xee\xdd\xcc\xbb]|\x00\x00)" + between
+    rest = b".{%d}" % (PAYLOAD_BYTES - len(FLAG_POSITIONS) * int(FLAG_POSITIONS[1]))
+    used = DUAL_BANKS_BLOCKS
+    return re.compile(full * used + tail * (len(FLAG_POSITIONS) - used) + rest, re.DOTALL)
+
+
+_PAYLOAD = _pattern()
+
+
 def find_payload(data: bytes, begin: int, end: int | None = None) -> int | None:
     """First of `payload_positions` from a byte on; what lies near costs little.
 
@@ -117,7 +134,10 @@ def find_payload(data: bytes, begin: int, end: int | None = None) -> int | None:
         Byte at which the payload begins, or None if there is none.
     """
     end = len(data) if end is None else min(end, len(data))
-    step = NEAR_BYTES
+    near = _PAYLOAD.search(data, begin, min(begin + NEAR_BYTES, end))
+    if near is not None:
+        return near.start()
+    begin, step = max(begin, min(begin + NEAR_BYTES, end) - PAYLOAD_BYTES + 1), NEAR_BYTES
     while end - begin >= PAYLOAD_BYTES:
         # A payload begins with FF: looking for that byte is quicker than comparing all of them.
         begin = data.find(b"\xff", begin, end)
@@ -168,6 +188,7 @@ def _next_payload(file: Content, search: int, stop: int) -> tuple[int | None, in
     """Where the next payload lies from `search` on, or None; and where reading ended."""
     step = min(FIRST_BYTES, SEARCH_BYTES)
     while search < stop:
+        search = after_hole(file, search)
         file.seek(search)
         data = file.read(step)
         found = find_payload(data, 0)
@@ -178,3 +199,31 @@ def _next_payload(file: Content, search: int, stop: int) -> tuple[int | None, in
         search += len(data) - PAYLOAD_BYTES + 1
         step = min(4 * step, SEARCH_BYTES)
     return None, stop
+
+
+def after_hole(file: Content, position: int) -> int:
+    """Skip the bytes of a sparse file that were never written; a payload cannot begin there.
+
+    Parameters
+    ----------
+    file : Content
+    position : int
+
+    Returns
+    -------
+    int
+        The same byte, or the first one after a hole; the end of the file if none follows. The same
+        byte where the system or the content has no holes.
+    """
+    whence = getattr(os, "SEEK_DATA", None)
+    if whence is None or not isinstance(file, io.BufferedReader):
+        return position
+    descriptor = file.fileno()
+    before = os.lseek(descriptor, 0, os.SEEK_CUR)
+    try:
+        return os.lseek(descriptor, position, whence)
+    except OSError as error:
+        # No data follow; file systems without holes give another error.
+        return os.fstat(descriptor).st_size if error.errno == errno.ENXIO else position
+    finally:
+        os.lseek(descriptor, before, os.SEEK_SET)

@@ -115,7 +115,7 @@ class Pcap:
         lengths = struct.Struct(self.byte_order + "II").unpack_from
         parts: list[NDArray[np.int64]] = []
         places: list[int] = []
-        alike, before, lost = 0, -1, False
+        alike, before, reach, lost = 0, -1, ALIKE, False
         size, last = len(data), min(limit, len(data) - PACKET_HEADER_BYTES + 1)
         while here < last:
             captured, original = lengths(data, here + 8)
@@ -137,18 +137,21 @@ class Pcap:
             alike = alike + 1 if captured == before else 0
             before, here = captured, end
             if alike >= ALIKE and captured <= LONGEST_FRAME and here < last:
-                run = self._run(data, here, limit, captured, original)
+                # Twice as many each time: what follows damage is looked at again after it.
+                reach *= 2
+                run = self._run(data, here, limit, reach, captured, original)
                 parts += [np.array(places), run]
-                here, alike, places = here + len(run) * (PACKET_HEADER_BYTES + captured), 0, []
+                here, places = here + len(run) * (PACKET_HEADER_BYTES + captured), []
+                alike = ALIKE if len(run) == reach else 0
         parts.append(np.array(places, dtype=np.int64))
         return np.concatenate(parts), here, lost
 
     def _run(
-        self, data: bytes, here: int, limit: int, captured: int, original: int
+        self, data: bytes, here: int, limit: int, most: int, captured: int, original: int
     ) -> NDArray[np.int64]:
         """Where the next packets begin, from `here` on, as long as their lengths stay the same."""
         stride = PACKET_HEADER_BYTES + captured
-        n = min(-(-(limit - here) // stride), (len(data) - here) // stride)
+        n = min(-(-(limit - here) // stride), (len(data) - here) // stride, most)
         table = np.frombuffer(data, np.uint8, n * stride, here).reshape(n, stride)
         lengths = np.ascontiguousarray(table[:, 8:PACKET_HEADER_BYTES]).view(self.byte_order + "u4")
         other = np.flatnonzero((lengths != [captured, original]).any(axis=1))

@@ -51,6 +51,10 @@ class PcapNg:
         datagrams, section = Datagrams(ledger), _Section()
         position = start
         while position < stop:
+            hole = framing.after_hole(file, position) - position
+            if hole > _LEAST:
+                ledger.reject("bytes without a block", 1, hole - _LEAST)
+                position += hole - _LEAST
             file.seek(position)
             wanted = min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED
             data = file.read(wanted)
@@ -81,7 +85,12 @@ class PcapNg:
 
 def _damaged(data: bytes, here: int, order: str, *, whole: bool) -> tuple[int, str]:
     """Bytes up to the next block, and why they are rejected; `whole` data end with the file."""
-    ahead = _next_block(data, here + 1, order)
+    zeros = 0
+    if not data[here : here + _LEAST].strip(b"\0"):
+        # Skipped quickly: the type of a block has three zeros at most before other bytes.
+        other = np.frombuffer(data, np.uint8, offset=here) != 0
+        zeros = int(other.argmax()) if other.any() else len(other)
+    ahead = _next_block(data, here + max(1, zeros - 3), order)
     if ahead is not None:
         return ahead - here, "bytes without a block"
     rest = len(data) - here

@@ -62,8 +62,8 @@ class Records:
             # Copied once: later steps look at the payloads as packets again and again.
             payloads = np.ascontiguousarray(records[:, self.header_bytes :])
             flags_known, azimuths_valid = check_payloads(payloads)
-            # One bad record before a good one is a bad record; two in a row, or one with nothing
-            # after it to judge by, may be lost alignment.
+            # One bad record before a good one is a bad record; two in a row are lost alignment. One
+            # with nothing after it to judge by is read again with what follows.
             suspect = np.flatnonzero(~flags_known & ~np.append(flags_known[1:], False))
             aligned = int(suspect[0]) if len(suspect) else n
             if aligned:
@@ -74,7 +74,7 @@ class Records:
                 checked = flags_known[:aligned], azimuths_valid[:aligned]
                 yield keep_valid(chunk, ledger, checked)
                 position = end
-            else:
+            if aligned == 0 or aligned < n - 1:
                 position = framing.resynchronise(
                     file, position, self.header_bytes, stop, ledger, "bytes without a record"
                 )

@@ -25,7 +25,7 @@ from velocal.packets.data import DUAL_BANKS_BLOCKS, FLAG_POSITIONS, PAYLOAD_BYTE
 #: Bytes that are read at a time.
 CHUNK_BYTES = 8 << 20
 #: Bytes that are read first after damage, as the next valid packet is usually near; reading then
-#: grows up to `SEARCH_BYTES`, or to `CHUNK_BYTES` where packets follow.
+#: grows up to `SEARCH_BYTES`.
 FIRST_BYTES = 1 << 15
 SEARCH_BYTES = 1 << 20
 #: Bytes in which a payload is looked for first.
@@ -90,17 +90,22 @@ def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     if last < 0:
         return np.empty(0, dtype=np.int64)
     candidate = np.ones(last + 1, dtype=bool)
+    empty = candidate
     for number, at in enumerate(FLAG_POSITIONS):
         first, second = data[at : at + last + 1], data[at + 1 : at + 1 + last + 1]
         if number == 0:
             candidate = first == 0xFF
+        if number == DUAL_BANKS_BLOCKS:
+            empty = candidate.copy()
         flagged = (first == 0xFF) & ((second == 0xEE) | (second == 0xDD))
         flagged |= (first == 0xFF) & ((second == 0xCC) | (second == 0xBB))
-        if number >= DUAL_BANKS_BLOCKS:
-            flagged |= (first == second) & ((first == 0) | (first == 0xFF))
         candidate &= flagged
-        if not candidate.any():
+        if number >= DUAL_BANKS_BLOCKS:
+            empty &= (first == second) & ((first == 0) | (first == 0xFF))
+        elif not candidate.any():
             break
+    else:
+        candidate |= empty
     return np.flatnonzero(candidate)
 
 
@@ -108,13 +113,15 @@ def _pattern() -> re.Pattern[bytes]:
     """Payload of which only the block flags are known, see `payload_positions`."""
     between = b".{%d}" % (int(FLAG_POSITIONS[1]) - 2)
     full = b"\xff[\xee\xdd\xcc\xbb]" + between
-    tail = b"(?:\xff[\xff\xee\xdd\xcc\xbb]|\x00\x00)" + between
+    empty = b"(?:\xff\xff|\x00\x00)" + between
+    unused = len(FLAG_POSITIONS) - DUAL_BANKS_BLOCKS
+    tail = b"(?:%s|%s)" % (full * unused, empty * unused)
     rest = b".{%d}" % (PAYLOAD_BYTES - len(FLAG_POSITIONS) * int(FLAG_POSITIONS[1]))
-    used = DUAL_BANKS_BLOCKS
-    return re.compile(full * used + tail * (len(FLAG_POSITIONS) - used) + rest, re.DOTALL)
+    return re.compile(full * DUAL_BANKS_BLOCKS + tail + rest, re.DOTALL)
 
 
-_PAYLOAD = _pattern()
+#: Matches a payload of which all block flags are known.
+PAYLOAD = _pattern()
 
 
 def find_payload(data: bytes, begin: int, end: int | None = None) -> int | None:
@@ -134,7 +141,7 @@ def find_payload(data: bytes, begin: int, end: int | None = None) -> int | None:
         Byte at which the payload begins, or None if there is none.
     """
     end = len(data) if end is None else min(end, len(data))
-    near = _PAYLOAD.search(data, begin, min(begin + NEAR_BYTES, end))
+    near = PAYLOAD.search(data, begin, min(begin + NEAR_BYTES, end))
     if near is not None:
         return near.start()
     begin, step = max(begin, min(begin + NEAR_BYTES, end) - PAYLOAD_BYTES + 1), NEAR_BYTES

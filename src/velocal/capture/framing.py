@@ -185,25 +185,29 @@ def resynchronise(
     int
         Byte at which the next packet begins, or at which reading ended.
     """
-    found, end = _next_payload(file, position + header_bytes + 1, stop)
+    found, end = _next_payload(file, position, header_bytes + 1, stop)
     after = end if found is None else found - header_bytes
     ledger.reject(reason, 1, after - position)
     return after
 
 
-def _next_payload(file: Content, search: int, stop: int) -> tuple[int | None, int]:
-    """Where the next payload lies from `search` on, or None; and where reading ended."""
+def _next_payload(file: Content, search: int, least: int, stop: int) -> tuple[int | None, int]:
+    """Where the next payload lies, `least` bytes behind `search` or later; and where reading ended.
+
+    Reading begins at `search`, because the content may end within the `least` bytes.
+    """
     step = min(FIRST_BYTES, SEARCH_BYTES)
     while search < stop:
-        search = after_hole(file, search)
+        hole = after_hole(file, search) - search
+        search, least = search + hole, max(least - hole, 0)
         file.seek(search)
         data = file.read(step)
-        found = find_payload(data, 0)
+        found = find_payload(data, least)
         if found is not None:
             return search + found, stop
         if len(data) < step:
             return None, min(stop, search + len(data))
-        search += len(data) - PAYLOAD_BYTES + 1
+        search, least = search + len(data) - PAYLOAD_BYTES + 1, 0
         step = min(4 * step, SEARCH_BYTES)
     return None, stop
 

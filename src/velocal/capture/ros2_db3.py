@@ -37,7 +37,7 @@ def messages(path: Path) -> Content:
         while True:
             try:
                 row = rows.fetchone()
-            except sqlite3.Error:
+            except (sqlite3.Error, UnicodeError):
                 yield Unusable("bag cut short or damaged", 1)
                 return
             if row is None:

@@ -175,7 +175,7 @@ def _messages(path: Path) -> Iterator[Message | Unusable]:
                 yield from ros2_db3.messages(path)
             else:
                 raise _damaged(path, "its first bytes are not those of a version that is known")
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeError) as error:
         raise _damaged(path, str(error)) from None
 
 
@@ -189,7 +189,7 @@ def _by_index(path: Path) -> Counter[Topic]:
             if head.startswith(mcap.MAGIC):
                 return mcap.counted(file)
         return ros2_db3.counted(path) if head.startswith(ros2_db3.MAGIC) else Counter()
-    except sqlite3.Error:
+    except (sqlite3.Error, UnicodeError):
         return Counter()
 
 

@@ -24,7 +24,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results paper coverage seeds pages field test lint nist lock clean
+.PHONY: help setup results paper coverage seeds pages field test fuzz lint nist lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -63,6 +63,10 @@ test: lint ## run all checks, then all tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \
 	    echo "no reference data of NIST: the tests that need them are skipped. Hint: make nist says why"
 	$(RUN) pytest -n 2
+
+# With atheris (pip install -e '.[fuzz]') guided by coverage; ARGS="pcap --seconds 600" or ARGS="--cases 1000000".
+fuzz: $(INSTALLED) ## try the readers of files with damaged ones, a minute each: tests/fuzz
+	PYTHONPATH=tests $(BIN)/python -m fuzz $(ARGS)
 
 lint: $(INSTALLED) ## run only the checks: style, types, imports, workflow
 	$(RUN) ruff check

@@ -1,6 +1,8 @@
 """One capture in every container: bytes put together by other code than the library's."""
 
+import bz2
 import gzip
+import lzma
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,6 +28,31 @@ def tagged(packet: bytes, *tags: int) -> bytes:
     frame = ethernet(packet)
     inserted = b"".join(struct.pack(">HH", tag, 100 + k) for k, tag in enumerate(tags))
     return frame[:12] + inserted + frame[12:]
+
+
+def ip6_packet(payload: bytes, *, extension: bytes = b"") -> bytes:
+    """IPv6 and UDP headers, and the payload; the extension is a header of eight bytes."""
+    body = extension + udp_frame(payload)[34:]
+    kind = 0 if extension else 17
+    address = bytes.fromhex("fe80000000000000627688fffe000001")
+    return struct.pack(">IHBB", 0x60000000, len(body), kind, 64) + address + b"\xff" * 16 + body
+
+
+def ethernet6(packet: bytes) -> bytes:
+    return b"\xff" * 6 + b"\x60\x76\x88\0\0\0" + b"\x86\xdd" + packet
+
+
+def labelled(packet: bytes) -> bytes:
+    """An Ethernet frame with two labels of MPLS."""
+    labels = struct.pack(">II", 100 << 12 | 64, 200 << 12 | 0x100 | 64)
+    return ethernet(packet)[:12] + b"\x88\x47" + labels + packet
+
+
+def mirrored(packet: bytes) -> bytes:
+    """A frame of mirrored traffic: IP, GRE and ERSPAN of type II around it."""
+    inner = struct.pack(">HHI", 0x1000, 0x88BE, 1) + bytes(8) + ethernet(packet)
+    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(inner), 1, 0, 64, 47, 0)
+    return ethernet(head + bytes([10, 0, 0, 1, 10, 0, 0, 2]) + inner)
 
 
 def cooked(packet: bytes) -> bytes:
@@ -123,16 +150,25 @@ uint8[1206] data
 """
 
 
-def write_ros1(path: Path, topics: dict[str, Sequence[bytes]]) -> Path:
+def write_ros1(
+    path: Path,
+    topics: dict[str, Sequence[bytes]],
+    *,
+    package: str = "velodyne_msgs",
+    compression: str | None = None,
+) -> Path:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg(_ROS, "velodyne_msgs/msg/VelodyneScan"))
-    with Writer(path) as writer:
+    store.register(get_types_from_msg(_ROS, f"{package}/msg/VelodyneScan"))
+    writer = Writer(path)
+    if compression is not None:
+        writer.set_compression(Writer.CompressionFormat[compression])
+    with writer:
         for topic, payloads in topics.items():
             connection = writer.add_connection(
-                topic, "velodyne_msgs/msg/VelodyneScan", typestore=store
+                topic, f"{package}/msg/VelodyneScan", typestore=store
             )
             for number, at in enumerate(range(0, len(payloads), 7)):
                 writer.write(
@@ -141,17 +177,27 @@ def write_ros1(path: Path, topics: dict[str, Sequence[bytes]]) -> Path:
     return path
 
 
-def write_ros2(path: Path, topics: dict[str, Sequence[bytes]], storage: str = "SQLITE3") -> Path:
-    from rosbags.rosbag2 import StoragePlugin, Writer
+def write_ros2(
+    path: Path,
+    topics: dict[str, Sequence[bytes]],
+    storage: str = "SQLITE3",
+    *,
+    package: str = "velodyne_msgs",
+    compression: str | None = None,
+) -> Path:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     text = _ROS.replace("time stamp", "builtin_interfaces/Time stamp")
-    store.register(get_types_from_msg(text, "velodyne_msgs/msg/VelodyneScan"))
-    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+    store.register(get_types_from_msg(text, f"{package}/msg/VelodyneScan"))
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage])
+    if compression is not None:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with writer:
         for topic, payloads in topics.items():
             connection = writer.add_connection(
-                topic, "velodyne_msgs/msg/VelodyneScan", typestore=store
+                topic, f"{package}/msg/VelodyneScan", typestore=store
             )
             for number, at in enumerate(range(0, len(payloads), 7)):
                 message = ros2_scan(payloads[at : at + 7])
@@ -200,9 +246,14 @@ def containers(payloads: np.ndarray) -> dict[str, bytes]:
             found[f"pcap {order}{ticks}"] = pcap_of(plain, order=order, ticks=ticks)
     for name in ("records 1206", "records 1248", "pcap <1000000", "pcapng", "fragments"):
         found[f"{name}, gzip"] = gzip.compress(found[name], mtime=0)
+    for name in ("records 1206", "pcap <1000000"):
+        found[f"{name}, bzip2"] = bz2.compress(found[name])
+        found[f"{name}, xz"] = lzma.compress(found[name])
     half = len(found["pcapng"]) // 2
     members = [found["pcapng"][:half], found["pcapng"][half:]]
     found["pcapng, two members"] = b"".join(gzip.compress(part, mtime=0) for part in members)
+    found["pcapng, two members of bzip2"] = b"".join(map(bz2.compress, members))
+    found["pcapng, two members of xz"] = b"".join(map(lzma.compress, members))
     return found
 
 

@@ -72,7 +72,7 @@ def test_decode(recording, tmp_path):
         (["decode", "{r}", "-o", "{t}/x.parquet", "--window", "end"], "too few"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--return", "first"], "allowed: both, strongest"),
         (["decode", "{r}", "-o", "{t}/x.parquet", "--port", "9"], "no data packets to port 9"),
-        (["inspect", "{r}", "--address", "localhost"], "is not an IPv4 address"),
+        (["inspect", "{r}", "--address", "localhost"], "is not an IP address"),
     ],
 )
 def test_wrong_calls(recording, tmp_path, arguments, message):

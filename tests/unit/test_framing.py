@@ -164,10 +164,10 @@ def damaged_pcap(name: str, payloads: np.ndarray, order: str, ticks: int):
             rejected = {"payload of 100 bytes": (1, 158)}
         case "not udp":
             extra = {3: packet(udp_frame(bytes(PAYLOAD), protocol=6)) + p[3]}
-            rejected = {"not UDP": (1, PACKET)}
+            rejected = {"not UDP: TCP": (1, PACKET)}
         case "arp":
             extra = {3: packet(b"\xff" * 12 + b"\x08\x06" + bytes(28)) + p[3]}
-            rejected = {"not IPv4": (1, 58)}
+            rejected = {"not IP: ARP": (1, 58)}
         case "vlan":
             extra = {3: packet(vlan_frame(bytes(payloads[3])), 3)}
         case "short capture":

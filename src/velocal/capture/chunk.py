@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,9 +27,8 @@ class Chunk:
         Byte after the last packet looked at.
     capture_time_s : ndarray of float64, shape (n,), or None
         Time of capture, where the framing has one.
-    sender : ndarray of int64, shape (n,), or None
-        Source address and destination port as `65536 * address + port`, where the framing has
-        them.
+    sender : ndarray of `source.SENDER`, shape (n,), or None
+        Source address and destination port, where the framing has them.
     """
 
     payloads: NDArray[np.uint8]
@@ -37,7 +36,7 @@ class Chunk:
     sizes: NDArray[np.int64]
     end: int
     capture_time_s: Array | None = None
-    sender: NDArray[np.int64] | None = None
+    sender: NDArray[np.void] | None = None
 
     def __len__(self) -> int:
         return len(self.payloads)
@@ -52,3 +51,29 @@ def joined(parts: Sequence[Chunk]) -> Chunk:
     if len(parts) == 1:
         return parts[0]
     return replace(joined_rows(parts), end=parts[-1].end)
+
+
+def gathered(chunks: Iterable[Chunk], least: int) -> Iterator[Chunk]:
+    """Join chunks, which damage may cut to single packets, to at least so many packets.
+
+    Parameters
+    ----------
+    chunks : iterable of Chunk
+        They follow one another.
+    least : int
+        Packets of every chunk but the last.
+
+    Yields
+    ------
+    Chunk
+    """
+    held: list[Chunk] = []
+    n = 0
+    for chunk in chunks:
+        held.append(chunk)
+        n += len(chunk)
+        if n >= least:
+            yield joined(held)
+            held, n = [], 0
+    if n:
+        yield joined(held)

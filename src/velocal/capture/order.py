@@ -106,7 +106,8 @@ class Reorder:
             keep = min(2 * BOUND, len(both))
             if len(both) > keep:
                 yield both.select(slice(0, len(both) - keep))
-            held, in_order = both.select(slice(len(both) - keep, None)), False
+            held = both.select(slice(len(both) - keep, None))
+            in_order = _rising(_stamps(held))
         if held is not None:
             yield held if in_order else self._sort(held)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from velocal.capture import framing
 from velocal.capture.chunk import Chunk
-from velocal.capture.gzip_stream import Content
+from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
 from velocal.capture.udp import HEADER_BYTES, LINKS, Datagrams, Frames
 from velocal.errors import RecordingError
@@ -20,8 +20,16 @@ FILE_HEADER_BYTES = 24
 PACKET_HEADER_BYTES = 16
 #: No frame on a scanner's network should be longer (jumbo frames excepted).
 LONGEST_FRAME = 2048
+#: Network cards that append a check sequence or a time stamp capture more than the frame had.
+APPENDED_BYTES = 64
 #: After this many packets of one size, the next ones are looked at as an array.
 ALIKE = 16
+
+#: Bytes of a packet before its payload, if its headers are as a scanner sends them.
+_BEFORE = PACKET_HEADER_BYTES + HEADER_BYTES
+#: Bytes of the longest packet.
+_AHEAD = PACKET_HEADER_BYTES + framing.MAX_CAPTURED + APPENDED_BYTES
+_NO_HEADER = "bytes without a packet header"
 
 #: First four bytes of a file: byte order, and ticks per second of its times.
 _MAGIC = {
@@ -64,59 +72,86 @@ class Pcap:
         while position < stop:
             file.seek(position)
             # Longer than the chunk by the longest packet, so that a packet is never split.
-            data = file.read(min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED)
+            data = file.read(min(framing.CHUNK_BYTES, stop - position) + _AHEAD)
             limit = min(framing.CHUNK_BYTES, stop - position, len(data))
-            places, here, lost = self._walk(data, limit)
+            places, here, lost = self._walk(data, limit, ledger)
             if len(places):
                 yield datagrams.payloads(self._frames(data, places), position, position + here)
             if not lost and here < limit:
                 ledger.reject("packet cut short at the end of the file", 1, len(data) - here)
                 here = len(data)
+            ended = limit == 0 or here >= len(data)
+            del data  # before the next read: otherwise both are in memory
             position += here
             if lost:
-                before = PACKET_HEADER_BYTES + HEADER_BYTES
-                position = framing.resynchronise(
-                    file, position, before, stop, ledger, "bytes without a packet header"
-                )
-            elif limit == 0 or here >= len(data):
+                position = framing.resynchronise(file, position, _BEFORE, stop, ledger, _NO_HEADER)
+            elif ended:
                 break
         datagrams.finish()
 
-    def _walk(self, data: bytes, limit: int) -> tuple[NDArray[np.int64], int, bool]:
+    def _walk(self, data: bytes, limit: int, ledger: Ledger) -> tuple[NDArray[np.int64], int, bool]:
+        """Where packets begin; where the last ends; whether only damage follows in the data."""
+        parts: list[NDArray[np.int64]] = []
+        here, lost = 0, True
+        while lost and here < limit:
+            found, here, lost = self._walk_intact(data, here, limit)
+            parts.append(found)
+            if lost:
+                # The next packet is looked for in what is read already: reading again and again
+                # would cost more than all packets.
+                payload = framing.find_payload(data, here + _BEFORE + 1)
+                if payload is None:
+                    break
+                ledger.reject(_NO_HEADER, 1, payload - _BEFORE - here)
+                here = payload - _BEFORE
+        else:
+            lost = False
+        return np.concatenate([*parts, np.empty(0, dtype=np.int64)]), here, lost
+
+    def _walk_intact(
+        self, data: bytes, here: int, limit: int
+    ) -> tuple[NDArray[np.int64], int, bool]:
         """Where packets begin; where the last ends; whether a damaged header follows it."""
         lengths = struct.Struct(self.byte_order + "II").unpack_from
         parts: list[NDArray[np.int64]] = []
         places: list[int] = []
-        here, alike, before, lost = 0, 0, -1, False
+        alike, before, reach, lost = 0, -1, ALIKE, False
         size, last = len(data), min(limit, len(data) - PACKET_HEADER_BYTES + 1)
         while here < last:
             captured, original = lengths(data, here + 8)
             end = here + PACKET_HEADER_BYTES + captured
-            if captured > original or original > framing.MAX_CAPTURED:
+            # A header of zeros is that of no packet, but part of a hole in the file.
+            if (
+                original == 0
+                or captured > original + APPENDED_BYTES
+                or original > framing.MAX_CAPTURED
+            ):
                 lost = True
                 break
             if end > size or captured > LONGEST_FRAME:
                 # A misread length would swallow the packets it spans.
-                inner = data[here + PACKET_HEADER_BYTES + HEADER_BYTES + 1 : end]
-                lost = framing.find_payload(np.frombuffer(inner, dtype=np.uint8)) is not None
+                lost = framing.find_payload(data, here + _BEFORE + 1, end) is not None
                 if lost or end > size:
                     break
             places.append(here)
             alike = alike + 1 if captured == before else 0
             before, here = captured, end
             if alike >= ALIKE and captured <= LONGEST_FRAME and here < last:
-                run = self._run(data, here, limit, captured, original)
+                # Twice as many each time: what follows damage is looked at again after it.
+                reach *= 2
+                run = self._run(data, here, limit, reach, captured, original)
                 parts += [np.array(places), run]
-                here, alike, places = here + len(run) * (PACKET_HEADER_BYTES + captured), 0, []
+                here, places = here + len(run) * (PACKET_HEADER_BYTES + captured), []
+                alike = ALIKE if len(run) == reach else 0
         parts.append(np.array(places, dtype=np.int64))
         return np.concatenate(parts), here, lost
 
     def _run(
-        self, data: bytes, here: int, limit: int, captured: int, original: int
+        self, data: bytes, here: int, limit: int, most: int, captured: int, original: int
     ) -> NDArray[np.int64]:
         """Where the next packets begin, from `here` on, as long as their lengths stay the same."""
         stride = PACKET_HEADER_BYTES + captured
-        n = min(-(-(limit - here) // stride), (len(data) - here) // stride)
+        n = min(-(-(limit - here) // stride), (len(data) - here) // stride, most)
         table = np.frombuffer(data, np.uint8, n * stride, here).reshape(n, stride)
         lengths = np.ascontiguousarray(table[:, 8:PACKET_HEADER_BYTES]).view(self.byte_order + "u4")
         other = np.flatnonzero((lengths != [captured, original]).any(axis=1))

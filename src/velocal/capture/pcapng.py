@@ -10,7 +10,7 @@ import numpy as np
 
 from velocal.capture import framing
 from velocal.capture.chunk import Chunk
-from velocal.capture.gzip_stream import Content
+from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
 from velocal.capture.udp import Datagrams, Frames
 
@@ -51,16 +51,23 @@ class PcapNg:
         datagrams, section = Datagrams(ledger), _Section()
         position = start
         while position < stop:
+            hole = framing.after_hole(file, position) - position
+            if hole > _LEAST:
+                ledger.reject("bytes without a block", 1, hole - _LEAST)
+                position += hole - _LEAST
             file.seek(position)
-            data = file.read(min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED)
+            wanted = min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED
+            data = file.read(wanted)
             limit = min(framing.CHUNK_BYTES, stop - position, len(data))
             rows: list[_Row] = []
-            here, lost = 0, False
+            here = 0
             while here < limit:
                 length = _block_length(data, here, section.order)
                 if length is None:
-                    lost = True
-                    break
+                    skipped, reason = _damaged(data, here, section.order, whole=len(data) < wanted)
+                    ledger.reject(reason, 1, skipped)
+                    here += skipped
+                    continue
                 row = _read_block(data, here, length, section)
                 if row is None:
                     ledger.framing_bytes += length
@@ -69,22 +76,28 @@ class PcapNg:
                 here += length
             if rows:
                 yield datagrams.payloads(_frames(data, rows), position, position + here)
+            ended = here >= len(data)
             position += here
-            if lost:
-                rest = len(data) - here
-                ahead = _next_block(data, here + 1, section.order)
-                last = len(data) < limit + framing.MAX_CAPTURED
-                if ahead is None and last:
-                    reason = "packet cut short at the end of the file"
-                else:
-                    reason = "bytes without a block"
-                # What is not found here may begin in the last bytes read.
-                skipped = ahead - here if ahead is not None else max(rest - (0 if last else 64), 1)
-                ledger.reject(reason, 1, skipped)
-                position += skipped
-            elif here >= len(data):
+            if ended:
                 break
         datagrams.finish()
+
+
+def _damaged(data: bytes, here: int, order: str, *, whole: bool) -> tuple[int, str]:
+    """Bytes up to the next block, and why they are rejected; `whole` data end with the file."""
+    zeros = 0
+    if not data[here : here + _LEAST].strip(b"\0"):
+        # Skipped quickly: the type of a block has three zeros at most before other bytes.
+        other = np.frombuffer(data, np.uint8, offset=here) != 0
+        zeros = int(other.argmax()) if other.any() else len(other)
+    ahead = _next_block(data, here + max(1, zeros - 3), order)
+    if ahead is not None:
+        return ahead - here, "bytes without a block"
+    rest = len(data) - here
+    if whole:
+        return rest, "packet cut short at the end of the file"
+    # What is not found here may begin in the last bytes read.
+    return max(rest - framing.MAX_CAPTURED, 1), "bytes without a block"
 
 
 def _block_length(data: bytes, at: int, order: str) -> int | None:
@@ -103,14 +116,14 @@ def _block_length(data: bytes, at: int, order: str) -> int | None:
 def _next_block(data: bytes, at: int, order: str) -> int | None:
     """Where the next packet or section begins."""
     kinds = [struct.pack(order + "I", kind) for kind in (_ENHANCED, _SIMPLE, _OBSOLETE)]
-    places: list[int] = []
+    nearest = len(data)
     for kind in [*kinds, SECTION]:
-        found = data.find(kind, at)
+        found = data.find(kind, at, nearest)
         while found >= 0 and _block_length(data, found, order) is None:
-            found = data.find(kind, found + 1, min(places, default=len(data)) + 4)
+            found = data.find(kind, found + 1, nearest)
         if found >= 0:
-            places.append(found)
-    return min(places, default=None)
+            nearest = found
+    return nearest if nearest < len(data) else None
 
 
 def _read_block(data: bytes, at: int, length: int, section: _Section) -> _Row | None:

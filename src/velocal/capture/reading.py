@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
@@ -10,19 +11,27 @@ from pathlib import Path
 import numpy as np
 
 from velocal.capture import rosbag
-from velocal.capture.chunk import Chunk
+from velocal.capture.chunk import Chunk, gathered
+from velocal.capture.compressed import (
+    Compression,
+    Content,
+    UnpackedContent,
+    compression_of,
+)
 from velocal.capture.framing import Framing
-from velocal.capture.gzip_stream import GZIP_MAGIC, Content, GzipReader
 from velocal.capture.ledger import Ledger
 from velocal.capture.order import Reorder
+from velocal.capture.other_kinds import other_kind
 from velocal.capture.pcap import pcap_of
 from velocal.capture.pcapng import SECTION, PcapNg
 from velocal.capture.records import records_in
-from velocal.capture.source import ANY_SOURCE, Senders, SourceFilter, listed
+from velocal.capture.source import ANY_SOURCE, SENDER, Senders, SourceFilter
 from velocal.errors import RecordingError
 from velocal.packets.data import PAYLOAD_BYTES
 
 HEAD_BYTES = 1 << 20
+#: Number of packets that are examined together, as damage may cut chunks to single packets.
+GATHERED = 256
 #: Stands for the end of content whose length is not known.
 _NO_END = 1 << 62
 
@@ -41,14 +50,14 @@ class Capture:
         Which of several scanners; of a bag, its topic.
     framing : Framing or None
         None for a bag.
-    compressed : bool
-        Whether the file is gzipped.
+    compression : Compression or None
+        How the file is compressed.
     """
 
     path: Path
     source: SourceFilter
     framing: Framing | None
-    compressed: bool
+    compression: Compression | None
     head: bytes = field(repr=False)
 
     @property
@@ -56,12 +65,12 @@ class Capture:
         """Name of the framing in ledgers."""
         if self.framing is None:
             return "ROS 1 bag" if self.head.startswith(b"#ROSBAG") else "ROS 2 bag"
-        return self.framing.name + (", gzip" if self.compressed else "")
+        return self.framing.name + (f", {self.compression.name}" if self.compression else "")
 
     @property
     def seekable(self) -> bool:
         """Whether reading can start at any packet, without the bytes before it."""
-        return self.framing is not None and self.framing.seekable and not self.compressed
+        return self.framing is not None and self.framing.seekable and self.compression is None
 
     def read(self, progress: Progress | None = None) -> Reading:
         """Begin to read all packets.
@@ -193,7 +202,9 @@ class Reading:
         """All packets in order; then what is known at the end."""
         capture, ledger = self._capture, self._ledger
         senders, order = Senders(capture.source), Reorder(ledger)
-        for chunk in order.reordered(senders.select(self._in_file_order(), ledger)):
+        for chunk in order.reordered(
+            senders.select(gathered(self._in_file_order(), GATHERED), ledger)
+        ):
             self._enter(chunk)
             yield chunk
         if capture.framing is None:
@@ -212,7 +223,7 @@ class Reading:
         senders = Senders(capture.source)
         with capture.path.open("rb") as file:
             chunks = capture.framing.chunks(file, start, stop, ledger)
-            for chunk in senders.select(chunks, ledger):
+            for chunk in senders.select(gathered(chunks, GATHERED), ledger):
                 self._enter(chunk)
                 yield chunk
         ledger.senders = senders.by_name()
@@ -230,20 +241,21 @@ class Reading:
         capture, ledger = self._capture, self._ledger
         if capture.framing is None:
             topic = capture.source.address or ""
-            yield from rosbag.chunks(capture.path, capture.head, topic, ledger)
+            yield from rosbag.chunks(capture.path, topic, ledger)
             return
         size = capture.path.stat().st_size
         with capture.path.open("rb") as file:
-            content: Content = GzipReader(file) if capture.compressed else file
-            stop = _NO_END if capture.compressed else size
+            packed = capture.compression
+            content: Content = UnpackedContent(file, packed) if packed else file
+            stop = _NO_END if packed else size
             first = capture.framing.first_packet
             ledger.framing_bytes += first
             for chunk in capture.framing.chunks(content, first, stop, ledger):
                 yield chunk
                 if self._progress is not None:
-                    self._progress(file.tell() if capture.compressed else chunk.end, size)
+                    self._progress(file.tell() if packed else chunk.end, size)
             ledger.file_bytes = size
-            if isinstance(content, GzipReader):
+            if isinstance(content, UnpackedContent):
                 ledger.file_bytes = content.end() + content.unreadable
                 faults = int(content.unreadable > 0)
                 reason = "compressed bytes that cannot be unpacked"
@@ -272,7 +284,15 @@ def open_capture(path: Path, source: SourceFilter = ANY_SOURCE) -> Capture:
         be meant.
     """
     try:
-        folder = path.is_dir() and (path / "metadata.yaml").is_file()
+        kind = path.stat().st_mode
+        folder = stat.S_ISDIR(kind)
+        if not folder and not stat.S_ISREG(kind):
+            raise RecordingError(
+                "is no regular file: reading it could wait for ever",
+                where=str(path),
+                allowed="a file, or the folder of a ROS 2 bag",
+                hint="Write what a pipe or a device gives into a file first.",
+            )
         head = b""
         if not folder:
             with path.open("rb") as file:
@@ -282,14 +302,19 @@ def open_capture(path: Path, source: SourceFilter = ANY_SOURCE) -> Capture:
             f"cannot be read: {error.strerror}", where=str(path), hint="Check the path."
         ) from None
     if folder or rosbag.is_bag(head):
-        return Capture(path, _topic(path, head, source), None, False, head)
-    compressed = head.startswith(GZIP_MAGIC)
-    if compressed:
+        topic = rosbag.topic_of_scanner(
+            path, source.address, str(source), port=source.port is not None
+        )
+        return Capture(path, SourceFilter(address=topic), None, None, head)
+    compression = compression_of(head)
+    if compression is not None:
         with path.open("rb") as file:
-            head = GzipReader(file).read(HEAD_BYTES)
+            head = UnpackedContent(file, compression).read(HEAD_BYTES)
         if rosbag.is_bag(head):
             raise RecordingError(
-                "is a compressed ROS bag", where=str(path), hint="Unpack it with `gunzip`."
+                "is a compressed ROS bag",
+                where=str(path),
+                hint=f"Unpack it with `{compression.command} {path.name}`.",
             )
     framing = detect(head, str(path))
     if source != ANY_SOURCE and not framing.addressed:
@@ -298,41 +323,8 @@ def open_capture(path: Path, source: SourceFilter = ANY_SOURCE) -> Capture:
             where=str(path),
             hint="Leave out the port and the address.",
         )
-    source.accepts(np.empty(0, dtype=np.int64))  # report a wrong address before a long scan
-    return Capture(path, source, framing, compressed, head)
-
-
-def _topic(path: Path, head: bytes, source: SourceFilter) -> SourceFilter:
-    """Filter for the topic of a bag that is meant.
-
-    Raises
-    ------
-    RecordingError
-        If no topic could be meant, or several.
-    """
-    found = rosbag.topics(path, head)
-    if not found:
-        raise RecordingError(
-            "is a ROS bag without messages of type VelodyneScan",
-            where=str(path),
-            hint="Record the topic /velodyne_packets.",
-        )
-    topics = [source.address] if source.address in found else list(found)
-    if source.port is not None or (source.address and source.address not in found):
-        raise RecordingError(
-            f"holds no messages {source}",
-            where=str(path),
-            allowed=listed(found, "messages"),
-            hint="In a bag a scanner is chosen by its topic, as --address.",
-        )
-    if len(topics) > 1:
-        raise RecordingError(
-            f"holds data of {len(topics)} scanners",
-            where=str(path),
-            allowed=listed(found, "messages"),
-            hint="Choose one by its topic, as --address.",
-        )
-    return SourceFilter(address=topics[0])
+    source.accepts(np.empty(0, dtype=SENDER))  # report a wrong address before a long scan
+    return Capture(path, source, framing, compression, head)
 
 
 def detect(head: bytes, where: str) -> Framing:
@@ -360,11 +352,12 @@ def detect(head: bytes, where: str) -> Framing:
         return PcapNg()
     framing: Framing | None = pcap_of(head, where) or records_in(head)
     if framing is None:
+        what, hint = other_kind(head, where)
         raise RecordingError(
-            "holds no Velodyne data packets in a known framing in its first MiB",
+            f"{what}: no Velodyne data packets in a known framing in its first MiB",
             where=where,
-            allowed="records of 1206 or 1248 bytes, pcap, pcapng, any of them gzipped, "
-            "or a ROS bag",
-            hint="Capture with tcpdump or Wireshark, which write pcap or pcapng.",
+            allowed="records of 1206 or 1248 bytes, pcap, pcapng, any of them compressed with "
+            "gzip, bzip2 or xz, or a ROS bag",
+            hint=hint,
         )
     return framing

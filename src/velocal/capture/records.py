@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.capture import framing
-from velocal.capture.chunk import Chunk
-from velocal.capture.gzip_stream import Content
+from velocal.capture.chunk import Chunk, joined
+from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
-from velocal.capture.udp import HEADER_BYTES, keep_valid, sender_of
+from velocal.capture.source import senders_of
+from velocal.capture.udp import HEADER_BYTES, keep_valid
 from velocal.packets.data import PAYLOAD_BYTES, check_payloads
+
+_LOST = "bytes without a record"
 
 
 @dataclass(frozen=True)
@@ -46,46 +49,94 @@ class Records:
         Parameters and yields are those of `Framing.chunks`.
         """
         size = self.header_bytes + PAYLOAD_BYTES
-        per_chunk = framing.CHUNK_BYTES // size
+        most = framing.CHUNK_BYTES // size * size
         position = start
         while position < stop:
             file.seek(position)
-            wanted = min(per_chunk * size, -(-(stop - position) // size) * size)
-            data = np.frombuffer(file.read(wanted), dtype=np.uint8)
-            n = len(data) // size
-            if n == 0:
+            data = file.read(min(most, -(-(stop - position) // size) * size))
+            if len(data) < size:
                 cut = int(len(data) > 0)
                 ledger.reject("record cut short at the end of the file", cut, len(data))
                 return
-            records = data[: n * size].reshape(n, size)
-            # Copied once: later steps look at the payloads as packets again and again.
-            payloads = np.ascontiguousarray(records[:, self.header_bytes :])
-            flags_known, azimuths_valid = check_payloads(payloads)
-            # One bad record before a good one is a bad record; two in a row, or one with nothing
-            # after it to judge by, may be lost alignment.
-            suspect = np.flatnonzero(~flags_known & ~np.append(flags_known[1:], False))
-            aligned = int(suspect[0]) if len(suspect) else n
-            if aligned:
-                end = position + aligned * size
-                chunk = self._chunk(records[:aligned], payloads[:aligned], position, end)
-                checked = flags_known[:aligned], azimuths_valid[:aligned]
-                yield keep_valid(chunk, ledger, checked)
-                position = end
-                continue
-            position = framing.resynchronise(
-                file, position, self.header_bytes, stop, ledger, "bytes without a record"
-            )
+            chunk, here = self._intact(data, position, ledger)
+            if here + size <= len(data):
+                places, here = self._walk(data, here, ledger)
+                both = [chunk, self._chunk(data, places, position, position + here, ledger)]
+                # Joined parts are copies: as views, they would keep all data in memory.
+                chunk = joined(both)
+            yield chunk
+            position += here
+            if here == 0:
+                position = framing.resynchronise(
+                    file, position, self.header_bytes, stop, ledger, _LOST
+                )
+
+    def _intact(self, data: bytes, position: int, ledger: Ledger) -> tuple[Chunk, int]:
+        """Records before the first two bad ones, or the last one, and where they end."""
+        size = self.header_bytes + PAYLOAD_BYTES
+        n = len(data) // size
+        records = np.frombuffer(data, np.uint8, n * size).reshape(n, size)
+        # Copied once: later steps look at the payloads as packets again and again.
+        payloads = np.ascontiguousarray(records[:, self.header_bytes :])
+        flags_known, azimuths_valid = check_payloads(payloads)
+        # One bad record before a good one is a bad record; two in a row are lost alignment. One
+        # with nothing after it to judge by is read again with what follows.
+        suspect = np.flatnonzero(~flags_known & ~np.append(flags_known[1:], False))
+        aligned = int(suspect[0]) if len(suspect) else n
+        offsets = position + size * np.arange(aligned, dtype=np.int64)
+        chunk = self._found(
+            records[:aligned], payloads[:aligned], offsets, position + aligned * size
+        )
+        return keep_valid(
+            chunk, ledger, (flags_known[:aligned], azimuths_valid[:aligned])
+        ), aligned * size
+
+    def _walk(self, data: bytes, here: int, ledger: Ledger) -> tuple[NDArray[np.int64], int]:
+        """Where records begin from a byte on, one by one, and where the last one ends."""
+        size, header = self.header_bytes + PAYLOAD_BYTES, self.header_bytes
+        is_payload = framing.PAYLOAD.match
+        places: list[int] = []
+        while here + size <= len(data):
+            if is_payload(data, here + header):
+                places.append(here)
+                here += size
+            elif here + 2 * size > len(data):
+                break
+            elif is_payload(data, here + size + header):
+                places += [here, here + size]
+                here += 2 * size
+            else:
+                payload = framing.find_payload(data, here + header + 1)
+                if payload is None:
+                    break
+                ledger.reject(_LOST, 1, payload - header - here)
+                here = payload - header
+        return np.array(places, dtype=np.int64), here
 
     def _chunk(
-        self, records: NDArray[np.uint8], payloads: NDArray[np.uint8], position: int, end: int
+        self, data: bytes, places: NDArray[np.int64], position: int, end: int, ledger: Ledger
     ) -> Chunk:
-        """Records that follow one another from a byte of the file on, as a chunk."""
-        n, size = records.shape
+        """Valid records of those that begin at `places`."""
+        size = self.header_bytes + PAYLOAD_BYTES
+        records = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), size)[
+            places
+        ]
+        payloads = np.ascontiguousarray(records[:, self.header_bytes :])
+        return keep_valid(self._found(records, payloads, position + places, end), ledger)
+
+    def _found(
+        self,
+        records: NDArray[np.uint8],
+        payloads: NDArray[np.uint8],
+        offsets: NDArray[np.int64],
+        end: int,
+    ) -> Chunk:
+        """Records as a chunk."""
         sender = None
         if self.addressed:
-            sender = sender_of(records[:, [26, 27, 28, 29, 36, 37]])
-        offsets = position + size * np.arange(n, dtype=np.int64)
-        return Chunk(payloads, offsets, np.full(n, size, dtype=np.int64), end, None, sender)
+            sender = senders_of(records[:, [26, 27, 28, 29, 36, 37]])
+        sizes = np.full(len(records), records.shape[1], dtype=np.int64)
+        return Chunk(payloads, offsets, sizes, end, None, sender)
 
 
 def records_in(head: bytes) -> Records | None:

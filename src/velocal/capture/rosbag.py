@@ -1,4 +1,4 @@
-"""Packets out of ROS 1 and ROS 2 bags with messages of type VelodyneScan.
+"""Packets out of ROS 1 and ROS 2 bags with messages of type VelodyneScan, of any package.
 
 A scan is a header and an array of packets, each a time and 1206 bytes. That is laid out evenly in
 the serialised message, so it is viewed as an array and not taken apart one packet at a time.
@@ -6,23 +6,32 @@ the serialised message, so it is viewed as an array and not taken apart one pack
 
 from __future__ import annotations
 
+import sqlite3
+import stat
 import struct
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from velocal.capture import mcap, ros1_bag, ros2_db3
+from velocal.capture.bag_message import Message, Topic, Unusable, unpacked
 from velocal.capture.chunk import Chunk
 from velocal.capture.ledger import Ledger
+from velocal.capture.source import listed
 from velocal.capture.udp import keep_valid
 from velocal.errors import RecordingError
 from velocal.packets.data import PAYLOAD_BYTES
 
-_MAGIC = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n")
-_SCAN = ("velodyne_msgs/msg/VelodyneScan", "velodyne_msgs/VelodyneScan")
+_SUFFIXES = (".db3", ".mcap")
+_MAGIC = (b"#ROSBAG V", ros2_db3.MAGIC, mcap.MAGIC)
+_MAGIC_BYTES = max(map(len, _MAGIC))
+#: First bytes of a message that the bag has compressed by itself.
+_ZSTD = b"\x28\xb5\x2f\xfd"
 _STAMP_BYTES = 8
+#: Types whose messages hold points instead of packets.
+_CLOUDS = ("PointCloud2", "PointCloud", "LaserScan")
 
 
 def is_bag(head: bytes) -> bool:
@@ -30,74 +39,179 @@ def is_bag(head: bytes) -> bool:
     return head.startswith(_MAGIC)
 
 
-@contextmanager
-def _opened(path: Path, head: bytes) -> Iterator[Any]:
-    """Open a bag with the library for it.
+def is_scan(topic: Topic) -> bool:
+    """Whether the messages of a topic are scans of a Velodyne scanner, of whatever package."""
+    return topic.type.rpartition("/")[2] == "VelodyneScan"
+
+
+def files(path: Path) -> list[Path]:
+    """Files of a bag: of the folder of a ROS 2 bag in the order of their numbers.
 
     Raises
     ------
     RecordingError
-        If the library is missing or the bag damaged.
+        If a folder has no such file, or one that is no regular file.
     """
-    try:
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
-    except ImportError:
+    if not path.is_dir():
+        return [path]
+    # Names end with a number without leading zeros.
+    names = (name for name in path.iterdir() if name.suffix in _SUFFIXES)
+    found = sorted(names, key=lambda each: (len(each.name), each.name))
+    if not found:
+        packed = sorted(each.name for each in path.iterdir() if each.suffix == ".zstd")
         raise RecordingError(
-            "is a ROS bag, which the package rosbags reads",
+            "cannot be read: a folder without a file of a ROS 2 bag",
             where=str(path),
-            hint="Install it with `pip install 'velocal[ros]'`.",
-        ) from None
-    try:
-        with Reader1(path) if head.startswith(b"#ROSBAG") else Reader2(path) as reader:
-            yield reader
-    except RecordingError:
-        raise
-    except Exception as error:  # readers and their decompressors raise many kinds
-        raise RecordingError(
-            f"cannot be read as a ROS bag: {error}",
-            where=str(path),
-            hint="`ros2 bag reindex` or `rosbag reindex` may repair it.",
-        ) from None
+            allowed="a folder with .db3 or .mcap files",
+            hint=f"Unpack it with `zstd -d {packed[0]}`." if packed else "Check the path.",
+        )
+    for each in found:
+        if not stat.S_ISREG(each.stat().st_mode):
+            raise RecordingError("is no regular file", where=str(each))
+    return found
 
 
-def topics(path: Path, head: bytes) -> dict[str, int]:
-    """Count the messages of type VelodyneScan by topic.
+def topics(path: Path) -> Counter[Topic]:
+    """Count the messages of a bag by topic.
+
+    The index at the end of a file is used if it has one. If not, all messages are read.
 
     Parameters
     ----------
     path : Path
-    head : bytes
-        First bytes of the file; empty for the folder of a ROS 2 bag.
+        File, or folder of a ROS 2 bag.
 
     Returns
     -------
-    dict of str to int
+    Counter of Topic
 
     Raises
     ------
     RecordingError
         If the bag cannot be read.
     """
-    with _opened(path, head) as reader:
-        found: dict[str, int] = {}
-        for connection in reader.connections:
-            if connection.msgtype in _SCAN:
-                found[connection.topic] = found.get(connection.topic, 0) + connection.msgcount
-        return found
+    found: Counter[Topic] = Counter()
+    for file in files(path):
+        counts = _by_index(file)
+        if not any(is_scan(topic) for topic in counts):
+            seen = Counter(part.topic for part in _messages(file) if isinstance(part, Message))
+            counts = Counter({topic: seen[topic] for topic in {**counts, **seen}})
+        for topic, n in counts.items():
+            found[topic] += n
+    return found
 
 
-def chunks(path: Path, head: bytes, topic: str, ledger: Ledger) -> Iterator[Chunk]:
+def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool) -> str:
+    """Topic of the scanner that is meant.
+
+    Parameters
+    ----------
+    path : Path
+        File, or folder of a ROS 2 bag.
+    address : str or None
+        Topic that is asked for; None if there can be only one.
+    meant : str
+        What is asked for, for the error.
+    port : bool
+        Whether a port is asked for, which messages do not have.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    RecordingError
+        If no topic could be meant, or several.
+    """
+    counts = topics(path)
+    scans: Counter[str] = Counter()
+    for topic, n in counts.items():
+        if is_scan(topic):
+            scans[topic.name] += n
+    if not scans:
+        types = {f"{topic.name} of type {topic.type}": n for topic, n in counts.items()}
+        clouds = any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts)
+        raise RecordingError(
+            "is a ROS bag without messages of type VelodyneScan"
+            + (f"; it holds {listed(types, 'messages')}" if types else "; it holds no messages"),
+            where=str(path),
+            hint="Record the topic /velodyne_packets."
+            + (" Clouds of points were computed with a calibration already." if clouds else ""),
+        )
+    if port or (address and address not in scans):
+        raise RecordingError(
+            f"holds no messages {meant}",
+            where=str(path),
+            allowed=listed(scans, "messages"),
+            hint="In a bag a scanner is chosen by its topic, as --address.",
+        )
+    if address is None and len(scans) > 1:
+        raise RecordingError(
+            f"holds data of {len(scans)} scanners",
+            where=str(path),
+            allowed=listed(scans, "messages"),
+            hint="Choose one by its topic, as --address.",
+        )
+    return address or next(iter(scans))
+
+
+def _messages(path: Path) -> Iterator[Message | Unusable]:
+    """Messages of one file of a bag.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged as a whole.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_MAGIC_BYTES)
+            if head.startswith(ros1_bag.MAGIC):
+                yield from ros1_bag.messages(file)
+            elif head.startswith(mcap.MAGIC):
+                yield from mcap.messages(file)
+            elif head.startswith(ros2_db3.MAGIC):
+                yield from ros2_db3.messages(path)
+            else:
+                raise _damaged(path, "its first bytes are not those of a version that is known")
+    except (sqlite3.Error, UnicodeError) as error:
+        raise _damaged(path, str(error)) from None
+
+
+def _by_index(path: Path) -> Counter[Topic]:
+    """Messages by topic by the index of a file; empty if that is missing."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_MAGIC_BYTES)
+            if head.startswith(ros1_bag.MAGIC):
+                return ros1_bag.counted(file)
+            if head.startswith(mcap.MAGIC):
+                return mcap.counted(file)
+        return ros2_db3.counted(path) if head.startswith(ros2_db3.MAGIC) else Counter()
+    except (sqlite3.Error, UnicodeError):
+        return Counter()
+
+
+def _damaged(path: Path, why: str) -> RecordingError:
+    """Error for a bag that is damaged as a whole."""
+    return RecordingError(
+        f"cannot be read as a ROS bag: {why}",
+        where=str(path),
+        hint="`ros2 bag reindex` or `rosbag reindex` may repair it.",
+    )
+
+
+def chunks(path: Path, topic: str, ledger: Ledger) -> Iterator[Chunk]:
     """Read the valid packets of a topic, a message at a time.
 
     Parameters
     ----------
     path : Path
-    head : bytes
-        First bytes of the file; empty for the folder of a ROS 2 bag.
+        File, or folder of a ROS 2 bag.
     topic : str
     ledger : Ledger
-        Receives the bytes of all messages.
+        Receives the bytes of all messages, and of what is damaged.
 
     Yields
     ------
@@ -110,17 +224,27 @@ def chunks(path: Path, head: bytes, topic: str, ledger: Ledger) -> Iterator[Chun
         If the bag cannot be read.
     """
     position = 0
-    ros1 = head.startswith(b"#ROSBAG")
-    with _opened(path, head) as reader:
-        for connection, time_ns, message in reader.messages():
-            size = len(message)
+    for file in files(path):
+        for part in _messages(file):
+            size = part.bytes if isinstance(part, Unusable) else len(part.data)
             ledger.file_bytes += size
-            if connection.msgtype not in _SCAN:
-                ledger.reject(f"message of type {connection.msgtype}", 1, size)
-            elif connection.topic != topic:
-                ledger.reject(f"message of topic {connection.topic}", 1, size)
+            if isinstance(part, Unusable):
+                ledger.reject(part.reason, 1, size)
+            elif not is_scan(part.topic):
+                ledger.reject(f"message of type {part.topic.type}", 1, size)
+            elif part.topic.name != topic:
+                ledger.reject(f"message of topic {part.topic.name}", 1, size)
             else:
-                yield from _packets(bytes(message), ros1, time_ns, position, ledger)
+                data = part.data
+                if data.startswith(_ZSTD) and not part.topic.ros1:
+                    data = unpacked(data, "zstd") or b""
+                    ledger.file_bytes += len(data) - size
+                    if not data:
+                        ledger.file_bytes += size
+                        ledger.reject("message that cannot be unpacked", 1, size)
+                        continue
+                    size = len(data)
+                yield from _packets(data, part.topic.ros1, part.time_ns, position, ledger)
             position += size
 
 

@@ -16,6 +16,44 @@ from velocal.errors import RecordingError
 
 #: A sender of no more packets than this is a damaged address, unless all senders are as rare.
 STRAY_PACKETS = 2
+#: Number of senders that are told apart; in junk every packet may have another one.
+MOST_SENDERS = 1000
+#: Number of names in a message.
+TOLD = 12
+
+
+#: A sender: the two halves of its IPv6 address, and the port to which it sends. An IPv4 address is
+#: the IPv6 address ::ffff:a.b.c.d (RFC 4291).
+SENDER = np.dtype([("high", "u8"), ("low", "u8"), ("port", "u2")])
+_HALF = (1 << 64) - 1
+_MAPPED = 0xFFFF << 32
+#: A sender as a key: the three numbers of `SENDER`.
+_Key = tuple[int, int, int]
+_OTHERS: _Key = (0, 0, 0)
+
+
+def senders_of(heads: NDArray[np.uint8]) -> NDArray[np.void]:
+    """Senders of packets.
+
+    Parameters
+    ----------
+    heads : ndarray of uint8, shape (n, 6) or (n, 18)
+        IPv4 or IPv6 source address and destination port, as in the headers.
+
+    Returns
+    -------
+    ndarray of SENDER, shape (n,)
+    """
+    found = np.zeros(len(heads), dtype=SENDER)
+    found["port"] = np.ascontiguousarray(heads[:, -2:]).view(">u2")[:, 0]
+    if heads.shape[1] == 6:
+        found["low"] = _MAPPED + np.ascontiguousarray(heads[:, :4]).view(">u4")[:, 0].astype(
+            np.uint64
+        )
+    else:
+        found["high"] = np.ascontiguousarray(heads[:, :8]).view(">u8")[:, 0]
+        found["low"] = np.ascontiguousarray(heads[:, 8:16]).view(">u8")[:, 0]
+    return found
 
 
 @dataclass(frozen=True)
@@ -27,7 +65,7 @@ class SourceFilter:
     port : int or None
         UDP port to which it sends; any port if None.
     address : str or None
-        IPv4 address from which it sends, or the topic of a bag; any address if None.
+        IPv4 or IPv6 address from which it sends, or the topic of a bag; any address if None.
     """
 
     port: int | None = None
@@ -37,13 +75,12 @@ class SourceFilter:
         parts = [] if self.address is None else [f"from {self.address}"]
         return " ".join(parts + ([] if self.port is None else [f"to port {self.port}"]))
 
-    def accepts(self, sender: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def accepts(self, sender: NDArray[np.void]) -> NDArray[np.bool_]:
         """Tell which senders are meant.
 
         Parameters
         ----------
-        sender : ndarray of int64, shape (n,)
-            `65536 * address + port`, see `Chunk.sender`.
+        sender : ndarray of SENDER, shape (n,)
 
         Returns
         -------
@@ -52,21 +89,22 @@ class SourceFilter:
         Raises
         ------
         RecordingError
-            If the address of this filter is not a valid IPv4 address.
+            If the address of this filter is not a valid IP address.
         """
         accepted = np.ones(len(sender), dtype=bool)
         if self.port is not None:
-            accepted &= sender & 0xFFFF == self.port
+            accepted &= sender["port"] == self.port
         if self.address is not None:
             try:
-                number = int(ipaddress.IPv4Address(self.address))
+                address = ipaddress.ip_address(self.address)
             except ValueError:
                 raise RecordingError(
-                    f"{self.address!r} is not an IPv4 address",
+                    f"{self.address!r} is not an IP address",
                     where="address",
                     allowed="such as 192.168.1.201; in a bag, the topic",
                 ) from None
-            accepted &= sender >> 16 == number
+            number = int(address) + (_MAPPED if address.version == 4 else 0)
+            accepted &= (sender["high"] == number >> 64) & (sender["low"] == number & _HALF)
         return accepted
 
 
@@ -85,7 +123,7 @@ class Senders:
 
     def __init__(self, source: SourceFilter) -> None:
         self._source = source
-        self._counts: Counter[int] = Counter()
+        self._counts: Counter[_Key] = Counter()
 
     def select(self, chunks: Iterator[Chunk], ledger: Ledger) -> Iterator[Chunk]:
         """Keep the packets of the scanner that is meant; the others are entered in the ledger.
@@ -103,20 +141,26 @@ class Senders:
             if chunk.sender is None or len(chunk) == 0:
                 yield chunk
                 continue
-            found, counts = chunk.sender[:1], np.array([len(chunk)])
+            found, of = chunk.sender[:1], np.zeros(len(chunk), dtype=np.int64)
             if (chunk.sender != found).any():
-                found, counts = np.unique(chunk.sender, return_counts=True)
+                found, of = np.unique(chunk.sender, return_inverse=True)
+            counts, bytes_ = np.bincount(of), np.bincount(of, weights=chunk.sizes)
             accepted = self._source.accepts(found)
-            for sender, n, is_accepted in zip(found, counts, accepted, strict=True):
-                self._counts[int(sender)] += int(n)
-                if not is_accepted:
-                    bytes_ = int(chunk.sizes[chunk.sender == sender].sum())
-                    ledger.reject(f"from {sender_name(int(sender))}", int(n), bytes_)
+            for number, sender in enumerate(found):
+                self._count(sender.item(), int(counts[number]))
+                if not accepted[number]:
+                    reason = f"from {sender_name(sender.item())}"
+                    ledger.reject(reason, int(counts[number]), int(bytes_[number]))
             if not accepted.all():
-                chunk = chunk.select(np.isin(chunk.sender, found[accepted]))
+                chunk = chunk.select(self._source.accepts(chunk.sender))
             # A mixture of several scanners is of no use. It is counted for the error at the end.
             if sum(n > STRAY_PACKETS for n in self._accepted().values()) < 2:
                 yield chunk
+
+    def _count(self, sender: _Key, packets: int) -> None:
+        """Count packets; beyond `MOST_SENDERS`, all other senders are one."""
+        known = sender in self._counts or len(self._counts) < MOST_SENDERS
+        self._counts[sender if known else _OTHERS] += packets
 
     def by_name(self) -> dict[str, int]:
         """Packets by address and port."""
@@ -151,29 +195,38 @@ class Senders:
                 hint="Choose one by its port or its address (--port, --address).",
             )
 
-    def _accepted(self) -> Counter[int]:
+    def _accepted(self) -> Counter[_Key]:
         """Senders that are meant."""
-        keys = np.array(list(self._counts), dtype=np.int64)
-        accepted = keys[self._source.accepts(keys)]
-        return Counter({int(key): self._counts[int(key)] for key in accepted})
+        keys = list(self._counts)
+        accepted = self._source.accepts(np.array(keys, dtype=SENDER))
+        return Counter(
+            {key: self._counts[key] for key, is_ in zip(keys, accepted, strict=True) if is_}
+        )
 
-    def _scanners(self) -> Counter[int]:
+    def _scanners(self) -> Counter[_Key]:
         """Senders that are meant, without those that are damaged addresses."""
         accepted = self._accepted()
+        del accepted[_OTHERS]
         most = max(accepted.values(), default=0)
         return Counter({s: n for s, n in accepted.items() if n > STRAY_PACKETS or 10 * n >= most})
 
 
-def sender_name(sender: int) -> str:
-    """Address and port of a sender, see `Chunk.sender`."""
-    return f"{ipaddress.IPv4Address(sender >> 16)}:{sender & 0xFFFF}"
+def sender_name(sender: _Key) -> str:
+    """Address and port of a sender: 192.168.1.201:2368, or [fe80::1]:2368."""
+    if sender == _OTHERS:
+        return "other senders"
+    high, low, port = sender
+    address = ipaddress.IPv6Address(high << 64 | low)
+    return f"[{address}]:{port}" if address.ipv4_mapped is None else f"{address.ipv4_mapped}:{port}"
 
 
 def listed(counts: Mapping[str, int], what: str = "packets") -> str:
-    """Write counts by name in one line, for messages."""
-    return "; ".join(f"{name}, {n} {what}" for name, n in counts.items())
+    """Write counts by name in one line, for messages; of many, only the first ones."""
+    found = [f"{name}, {n} {what}" for name, n in counts.items()]
+    more = [f"and {len(found) - TOLD} others"] if len(found) > TOLD else []
+    return "; ".join(found[:TOLD] + more)
 
 
-def _named(counts: Counter[int]) -> dict[str, int]:
+def _named(counts: Counter[_Key]) -> dict[str, int]:
     """Packets by address and port, ascending."""
     return {sender_name(sender): counts[sender] for sender in sorted(counts)}

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from velocal.calibration.files import formats
+from velocal.capture.ledger import Ledger, NothingUsableError
 from velocal.cli.common import (
     Address,
     File,
@@ -44,7 +45,14 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
-    recording = scanned(file, scanner, port, address, max_missing)
+    try:
+        recording = scanned(file, scanner, port, address, max_missing)
+    except NothingUsableError as error:
+        if as_json:
+            print_json({"file": file.name, "ledger": error.ledger.as_dict()})
+        else:
+            _print_ledger(error.ledger)
+        raise
     inspection = recording.scan()
     known: Scanner | None = None
     try:
@@ -82,6 +90,11 @@ def _print_facts(inspection: Inspection, scanner: Scanner | None, remarks: list[
     for remark in remarks:
         top.add_row("[bold yellow]remark[/]", escape(remark))
     console.print(top)
+    _print_ledger(ledger)
+
+
+def _print_ledger(ledger: Ledger) -> None:
+    """Print the ledger as a table."""
     table = Table("ledger", "packets", "bytes", title=None)
     for column in table.columns[1:]:
         column.justify = "right"
@@ -93,7 +106,7 @@ def _print_facts(inspection: Inspection, scanner: Scanner | None, remarks: list[
     table.add_row("unaccounted", "", f"{ledger.unaccounted_bytes}")
     table.add_section()
     table.add_row("content of the file", "", f"{ledger.file_bytes}")
-    console.print(table)
+    Console(highlight=False).print(table)
 
 
 def decode(

@@ -18,7 +18,6 @@ from velocal.capture.chunk import Chunk, joined
 from velocal.capture.ledger import Ledger
 from velocal.capture.reading import Progress, open_capture
 from velocal.capture.source import ANY_SOURCE, SourceFilter
-from velocal.errors import RecordingError
 from velocal.io.identity import identify
 from velocal.packets.data import BLOCKS, MODES, flags_and_azimuths, median_azimuth_step, view
 from velocal.packets.dual import dual_packets
@@ -76,7 +75,7 @@ def inspect(
     for chunk in _merged(reading):
         scan.consume(chunk)
     if scan.packets == 0:
-        raise RecordingError("holds no valid data packet", where=str(path))
+        raise reading.ledger.nothing_usable(str(path))
     found = scan.result(reading.ledger, reading.seekable, max_missing)
     return replace(found, index=replace(found.index, recording=made_from))
 

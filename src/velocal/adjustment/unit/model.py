@@ -171,8 +171,13 @@ class Shared:
         for effect in self.effects:
             block = self.matrix[:, effect.columns]
             if effect.kind == "flatness":
-                values, vectors = np.linalg.eigh((block * weight[:, None]).T @ block)
-                block = block @ vectors[:, values > LEAST_INFORMATION]
+                # Only the rows on this surface are not zero.
+                rows = np.flatnonzero(block.any(axis=1))
+                own = block[rows]
+                values, vectors = np.linalg.eigh((own * weight[rows, None]).T @ own)
+                vectors = vectors[:, values > LEAST_INFORMATION]
+                block = np.zeros((len(block), vectors.shape[1]))
+                block[rows] = own @ vectors
             blocks.append(block)
             columns = slice(used, used + block.shape[1])
             effects.append(replace(effect, columns=columns))
@@ -315,14 +320,19 @@ def relief(points: Array, knots_m: float, length_m: float) -> Array:
     centred = points - points.mean(axis=0)
     axes = np.linalg.svd(centred.T @ centred)[0][:, :2]
     flat = centred @ axes
+    around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
     while True:
-        grid = np.round(flat / knots_m)
-        around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        near = np.unique((grid[:, None] + around).reshape(-1, 2), axis=0)
+        # One number per cell of the grid: rows are sorted much more slowly.
+        i, j = np.round(flat / knots_m).astype(np.int64).T
+        least, width = j.min(), np.ptp(j) + 1
+        cells = np.unique(i * width + (j - least))
+        cells = np.column_stack([cells // width, cells % width + least])
+        near = np.unique((cells[:, None] + around).reshape(-1, 2), axis=0)
         if len(near) <= MAX_KNOTS:
             break
         knots_m, length_m = 1.25 * knots_m, 1.25 * length_m
-    square = ((flat[:, None] - near * knots_m) ** 2).sum(axis=2)
+    a, b = (flat[:, k, None] - near[:, k] * knots_m for k in (0, 1))
+    square = a**2 + b**2
     values = np.exp(-square / (2.0 * length_m**2))
     values[square > (3.5 * length_m) ** 2] = 0.0
     return np.asarray(values / np.sqrt((values**2).sum(axis=1))[:, None])

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.nuisance import by_plane, by_pose
+from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import Bins, UnitStation
 from velocal.arrays import Array
+from velocal.geometry.rigid import skew
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import LaserParameters
 
@@ -253,7 +255,7 @@ def shared_effects(
     together, roots = np.zeros((n, 6)), []
     for number, station in enumerate(stations):
         rows = np.flatnonzero(station_of == number)
-        root = symmetric_root(station.survey.pose)
+        root = _pose_root(station.survey)
         derivative = by_pose(
             at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
         )
@@ -293,6 +295,20 @@ def shared_effects(
         values = values * np.concatenate(sizes)[:, None]
         add("flatness", owner, name, rows, values, np.zeros((0, values.shape[1])))
     return Shared(np.concatenate(blocks, axis=1), tuple(effects))
+
+
+def _pose_root(survey: SurveyUncertainty) -> Array:
+    """Root of the covariance of a pose whose columns are movements of the base, shape (6, 6).
+
+    The translation of ``T_scanner_site`` contains the rotation times the place of the origin of the
+    site, which is another one at every station. An error of the base targets, which all stations
+    have in common, turns the site about the scanner by w and moves it by r: the rotation vector
+    changes by w, the translation t by ``r + w x t``.
+    """
+    about = np.eye(6)
+    about[3:, :3] = -skew(survey.translation)
+    back = np.linalg.inv(about)
+    return np.asarray(about @ symmetric_root(back @ survey.pose @ back.T))
 
 
 def _site_root(stations: Sequence[UnitStation], number: int, plane: int) -> Array:

@@ -262,7 +262,7 @@ class UnitCalibration:
         n = len(own)
         apart = together - together.mean(axis=0)
         variance = (1.0 - 2.0 / n) * own + own.sum() / n**2 + (apart**2).sum(axis=1)
-        return np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def range_factor(self, range_m: Array) -> Array:
         """Factor of the correction of dl of every laser at some ranges.

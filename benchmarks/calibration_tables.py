@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from calibration_cases import ALL, CASES
+from calibration_cases import ALL, CASES, SURVEYS
 from calibration_judge import RANGES_M
 
 from velocal.io.markup import markdown_table
@@ -108,6 +108,34 @@ def range_table(summary: pd.DataFrame, cases: Sequence[str]) -> str:
         ]
         rows.append([study, row["method"], *cells])
     return "\n".join(markdown_table(headings, rows, [False, False] + [True] * len(RANGES_M)))
+
+
+def survey_table(summary: pd.DataFrame) -> str:
+    """Errors of the default by the accuracy of the survey, and those of the factory."""
+    headings = [
+        "base: distance, targets", "turn of the pose deg", "targets on walls", "draws", "dl cm",
+        "alpha deg", "v deg", "unseen cm", "induced cm",
+    ]  # fmt: skip
+    rows, before = [], []
+    values = {"dl_cm": 2, "alpha_deg": 3, "v_deg": 3, "unseen_cm": 2, "induced_cm": 2}
+    found = summary.set_index(["case", "method"])
+    for base_m, base_mm, wall_mm in SURVEYS:
+        case = f"survey-{base_m:g}-{base_mm:g}-{wall_mm:g}"
+        if (case, DEFAULT) not in found.index:
+            continue
+        row, before = found.loc[case, DEFAULT], found.loc[case, FACTORY]
+        # Six targets on a circle, measured in both frames; about the vertical.
+        turn = np.rad2deg(np.hypot(1.0, 0.7) * base_mm * 1e-3 / (base_m * np.sqrt(6.0)))
+        rows.append(
+            [
+                f"{base_m:g} m, {base_mm:g} mm", f"{turn:.2f}", f"{wall_mm:g} mm",
+                f"{row['draws']:.0f}", *(_cell(row, value, n) for value, n in values.items()),
+            ]
+        )  # fmt: skip
+    if rows:
+        cells = [_cell(before, value, n) for value, n in values.items()]
+        rows.append(["factory values", "", "", "", *cells])
+    return "\n".join(markdown_table(headings, rows, [False, True, False] + [True] * 6))
 
 
 @dataclass(frozen=True)
@@ -229,7 +257,8 @@ def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     """All tables, by the name of their place in the page."""
     draws = complete(draws)
     summary = summarised(draws)
-    cases = list(dict.fromkeys(summary["case"]))
+    every = list(dict.fromkeys(summary["case"]))
+    cases = [case for case in every if not case.startswith("survey-")]
     groups = {
         "bench_issue": [case for case in cases if case in ISSUE],
         "bench_study": [case for case in cases if "study" in case],
@@ -238,6 +267,7 @@ def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     few = summary[summary["method"].isin([FACTORY, "prior", DEFAULT, ORACLE, TRUTH])]
     found = {name: errors_table(summary, group) for name, group in groups.items()}
     found["bench_ranges"] = range_table(few, cases)
+    found["bench_surveys"] = survey_table(summary)
     found["bench_checks"] = check_table(checks(draws, cost))
     if cost is not None:
         found["bench_cost"] = cost_table(cost)

@@ -338,7 +338,7 @@ def relief(points: Array, knots_m: float, length_m: float) -> Array:
     flat = centred @ axes
     around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
     while True:
-        # One number per cell of the grid: rows are sorted much more slowly.
+        # One number per grid cell: rows are sorted much more slowly.
         i, j = np.round(flat / knots_m).astype(np.int64).T
         least, width = j.min(), np.ptp(j) + 1
         cells = np.unique(i * width + (j - least))

@@ -1,11 +1,12 @@
 """Compare methods of calibration where the truth is known, and write tables of docs/methods.md.
 
 Usage: python benchmarks/calibration.py [--draws N] [--cases NAME ...] [--methods NAME ...]
-           [--seed FIRST] [--processes 1] [--out FOLDER] [--cost] [--write]
+           [--seed FIRST] [--processes 1] [--out FOLDER] [--resume] [--cost] [--write]
 
 Rows of all draws are collected in FOLDER/draws.csv; a run replaces those of its cases, seeds and
-methods. The tables are made from all draws of that file on which all methods of their case were
-run. --write puts them into the page.
+methods. With --resume it leaves out the draws that are complete there, so that a run that was
+stopped can be continued; --draws 0 makes the tables of what there is. The tables are made from all
+draws of that file on which all methods of their case were run. --write puts them into the page.
 Seeds from 1001 on are those of the page: use others to develop a method.
 """
 
@@ -73,6 +74,21 @@ def collect(tasks: Sequence[tuple[str, int, Sequence[str]]], processes: int, fil
         pool.close()
 
 
+def left(
+    tasks: Sequence[tuple[str, int, Sequence[str]]], file: Path
+) -> list[tuple[str, int, Sequence[str]]]:
+    """Tasks of which the table of draws lacks a method."""
+    if not file.exists():
+        return list(tasks)
+    known = pd.read_csv(file, usecols=["case", "seed", "method"])
+    done = set(known.itertuples(index=False, name=None))
+    return [
+        (case, seed, methods)
+        for case, seed, methods in tasks
+        if any((case, seed, m) not in done for m in methods if m in CASES[case].methods)
+    ]
+
+
 def _adjusted_alone(file: str) -> dict[str, float]:
     """Adjust a unit in a process that does nothing else: CPU time, and peak memory of all of it."""
     stations, factory, settings = pickle.loads(Path(file).read_bytes())
@@ -112,6 +128,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--methods", nargs="*", choices=ALL, default=ALL)
     parser.add_argument("--processes", type=int, choices=(1, 2), default=1)
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks/calibration"))
+    parser.add_argument("--resume", action="store_true", help="leave out what is done already")
     parser.add_argument("--cost", action="store_true", help="measure time and memory, nothing else")
     parser.add_argument("--write", action="store_true", help="put the tables into the page")
     chosen = parser.parse_args(arguments)
@@ -125,7 +142,7 @@ def main(arguments: Sequence[str]) -> None:
             for case in chosen.cases
             for number in range(chosen.draws)
         ]
-        collect(tasks, chosen.processes, file)
+        collect(left(tasks, file) if chosen.resume else tasks, chosen.processes, file)
     draws = pd.read_csv(file)
     summarised(complete(draws)).to_csv(chosen.out / "summary.csv", index=False, float_format="%.6g")
     found = tables(draws, pd.read_csv(costs) if costs.exists() else None)

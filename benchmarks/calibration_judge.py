@@ -122,8 +122,7 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         row[f"{name}_{unit}"] = _rms(values) * factor
         row[f"{name}_mean"] = float(np.mean(values)) * factor
         std = found.std.get(name)
-        # The interval of dl contains what it may cost to leave the mean.
-        if name in found.at_factory and name != "dl":
+        if name in found.at_factory:
             values = values - values.mean()
         row[f"cover_{name}"] = (
             np.nan if std is None else float(np.mean(np.abs(values) <= NORMAL_95 * std))

@@ -42,8 +42,8 @@ class Found:
     std : dict of str to ndarray
         Stated standard deviations by parameter; empty where a method states none.
     at_factory : tuple of str
-        Parameters whose mean over the lasers was left at the factory's value, and is not in the
-        standard deviations.
+        Angles whose mean over the lasers was left at the factory's value: a matter of the frame,
+        which neither their errors nor their standard deviations contain.
     """
 
     parameters: LaserParameters
@@ -152,8 +152,9 @@ def _of_unit(trial: Trial, settings: UnitSettings) -> Found:
     parameters = calibration.adjusted
     if has_near_points(trial.factory):
         parameters = with_near_points(result)
-    at_factory = tuple(one.name for one in result.common if one.at_factory)
-    return Found(parameters, calibration.std_by_name(), at_factory)
+    at_factory = tuple(one.name for one in result.common if one.at_factory and one.name != "dl")
+    std = calibration.std_by_name() | {name: result.std_without_mean(name) for name in at_factory}
+    return Found(parameters, std, at_factory)
 
 
 def joint(trial: Trial) -> Found:

@@ -22,7 +22,7 @@ from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
-from velocal.reduction.assignment import Limits, assigned_rows
+from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import LaserParameters
@@ -167,19 +167,16 @@ def unit_stations(
         In the order in which they occur.
     """
     chosen = limits or Limits()
-    # A beam that meets a plane inside its hull, whatever it measured, should have hit it.
-    anything = replace(chosen, distance_m=np.inf)
     found = []
     for name in dict.fromkeys(station.position for _, station in recordings):
         windows = [(beams, each) for beams, each in recordings if each.position == name]
         station = windows[0][1]
-        parts = [observe(beams, station, parameters, chosen) for beams, _ in windows]
-        meeting = [
-            assigned_rows(beams, parameters, station.patches, anything) for beams, _ in windows
+        assigned = [
+            assigned_and_expected(beams, parameters, station.patches, chosen)
+            for beams, _ in windows
         ]
-        expected = np.sum(
-            [np.bincount(rows["laser_id"], minlength=len(parameters)) for rows in meeting], axis=0
-        )
+        parts = [station.observations(rows) for rows, _ in assigned]
+        expected = np.sum([number for _, number in assigned], axis=0)
         found.append(station.of_unit(joined_rows(parts), expected.astype(np.float64)))
     return found
 

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from velocal.geometry.planes import Patch, Plane
-from velocal.reduction.assignment import NO_PLANE, Limits, assign
+from velocal.reduction.assignment import (
+    NO_PLANE,
+    Limits,
+    assign,
+    assigned_and_expected,
+    assigned_rows,
+)
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
 
@@ -38,3 +44,22 @@ def test_a_plane_is_hit_past_the_edge_of_a_nearer_one():
     assert plane_hit([beside, far], 3.05) == 1
     assert plane_hit([far, beside], 3.05) == 0
     assert plane_hit([beside], 3.05) == NO_PLANE
+
+
+def test_expected_are_the_returns_that_meet_a_plane_whatever_they_measured():
+    """Two lasers sweep over two planes; one of them measures 0.4 m too short."""
+    patches = [ahead("near", 4.0), ahead("behind", 4.1, aside=0.5)]
+    phi = np.tile(np.linspace(-0.6, 0.6, 61), 2)
+    laser = np.repeat([0, 1], 61)
+    distance = 4.0 / np.cos(phi) - np.where(laser, 0.4, 0.0)
+    beams = Beams(distance, np.mod(phi, 2.0 * np.pi), laser, 0.002)
+    nothing = np.zeros(2)
+    parameters = LaserParameters(nothing, nothing, nothing, nothing, nothing)
+    rows, expected = assigned_and_expected(beams, parameters, patches, Limits())
+    same = assigned_rows(beams, parameters, patches, Limits())
+    for name, column in same.items():
+        np.testing.assert_array_equal(rows[name], column)
+    anything = assigned_rows(beams, parameters, patches, Limits(distance_m=np.inf))
+    np.testing.assert_array_equal(expected, np.bincount(anything["laser_id"], minlength=2))
+    assert set(rows["laser_id"]) == {0}
+    assert expected[0] == expected[1] > 20

@@ -166,6 +166,19 @@ def test_base_targets_are_intersected_not_measured():
         np.testing.assert_array_equal(np.isfinite(polar.value[:, 2]), ~base)
 
 
+def test_targets_in_one_image_only_are_not_measured():
+    """In this world one target of the floor is in one image only."""
+    world = study_world().model_copy(update={"seed": 120})
+    book = survey.field_book(world)
+    names, count = np.unique(book.images.target, return_counts=True)
+    assert count.min() >= 2
+    assert set(book.planes) <= set(names)
+    assert (
+        len(book.planes) >= len(survey.true_targets(world, world.site.targets, "targets").name) - 1
+    )
+    assert len(survey.field_book(study_world()).planes) == len(book.planes) + 1
+
+
 def test_a_new_position_changes_no_observation_of_others():
     world = study_world()
     content = world.plain()

@@ -10,7 +10,7 @@ from velocal.adjustment.unit import adjust
 from velocal.adjustment.unit.adjust import adjust_unit, readjust
 from velocal.adjustment.unit.assemble import hold
 from velocal.adjustment.unit.corrected_survey import CorrectedSurvey
-from velocal.adjustment.unit.model import UNKNOWNS, linearise
+from velocal.adjustment.unit.model import UNKNOWNS, linearise, shared_effects
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import azimuth_bins
 from velocal.errors import VelocalError
@@ -189,6 +189,43 @@ def test_covariance_between_lasers_is_positive_semi_definite(small):
         rows = slice(3 * k, 3 * k + 3)
         own = result.calibration.covariance[k] - total[rows, rows]
         assert np.linalg.eigvalsh(own).min() > -1e-9 * np.abs(total).max()
+
+
+def test_standard_deviation_without_the_mean_is_that_of_the_whole_covariance(small):
+    factory, station, _ = small
+    result = adjust_unit([station], factory, QUICK)
+    lasers = len(factory)
+    for place, name in enumerate(("dl", "alpha", "v")):
+        shared = result.shared[:, place]
+        whole = shared @ shared.T
+        np.fill_diagonal(whole, result.calibration.covariance[:, place, place])
+        without = np.eye(lasers) - 1.0 / lasers
+        expected = np.sqrt(np.diag(without @ whole @ without.T))
+        np.testing.assert_allclose(result.std_without_mean(name), expected, rtol=1e-6)
+
+
+def test_errors_of_the_base_are_the_same_at_all_stations(small):
+    """Base targets turn and move the scanner frame alike, wherever the origin of the site lies."""
+    factory, station, _ = small
+    rng = np.random.default_rng(5)
+    root = np.diag([7e-3, 7e-3, 5e-3, 5e-4, 5e-4, 4e-4]) @ np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    base = root @ root.T
+    stations, back = [], []
+    for number, place in enumerate(([2.0, -3.0, -1.0], [-4.0, 5.0, -1.0])):
+        # Rotation w about the scanner and movement r are rotation w and translation r + w x t.
+        about = np.eye(6)
+        about[3:, :3] = -np.cross(np.eye(3), place)
+        survey = replace(station.survey, pose=about @ base @ about.T, translation=np.array(place))
+        stations.append(replace(station, name=f"S{number}", survey=survey))
+        back.append(np.linalg.inv(about))
+    bins = azimuth_bins(stations, factory, np.deg2rad(0.9))
+    at = linearise(bins, factory, np.zeros((len(factory), len(UNKNOWNS))), None)
+    settings = UnitSettings(pose_in_common=0.4)
+    shared = shared_effects(stations, bins, at, settings)
+    first, second = (back[p] @ shared.pose(p) for p in (0, 1))
+    scale = np.sqrt(np.outer(np.diag(base), np.diag(base)))
+    np.testing.assert_allclose(first @ first.T / scale, base / scale, atol=1e-9)
+    np.testing.assert_allclose(first @ second.T / scale, 0.4 * base / scale, atol=1e-9)
 
 
 @pytest.mark.parametrize("planes", [(0,), (2,), (0, 1)], ids=["one wall", "floor", "walls"])

@@ -56,25 +56,33 @@ def assign(
     ndarray of uint8, shape (n,)
         Index of the patch, `NO_PLANE` for none.
     """
+    return _assign(beams, parameters, patches, limits)[0]
+
+
+def _assign(
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Index of the patch of every return, and whether its beam meets any, whatever it measured."""
     direction, origin = laser_beams(beams.phi, beams.laser_id, parameters)
     length = beams.distance_m + parameters.dl[beams.laser_id]
     nearest = np.full(len(beams), np.inf)
     plane = np.full(len(beams), NO_PLANE, dtype=np.uint8)
+    meets = np.zeros(len(beams), dtype=bool)
     for index, patch in enumerate(patches):
         towards = direction @ patch.plane.normal
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = -(origin @ patch.plane.normal + patch.plane.offset) / towards
         candidates = np.flatnonzero(
-            (np.abs(towards) >= np.cos(limits.incidence_rad))
-            & (expected > 0)
-            & (expected < nearest)
-            & (np.abs(length - expected) <= limits.distance_m)
+            (np.abs(towards) >= np.cos(limits.incidence_rad)) & (expected > 0)
         )
         hit = origin[candidates] + expected[candidates, None] * direction[candidates]
-        chosen = candidates[patch.contains(hit, limits.edge_m)]
+        inside = candidates[patch.contains(hit, limits.edge_m)]
+        meets[inside] = True
+        near = np.abs(length[inside] - expected[inside]) <= limits.distance_m
+        chosen = inside[near & (expected[inside] < nearest[inside])]
         nearest[chosen] = expected[chosen]
         plane[chosen] = index
-    return plane
+    return plane, meets
 
 
 def assigned_rows(
@@ -96,7 +104,34 @@ def assigned_rows(
     dict of str to ndarray, shape (m,)
         Columns of `schemas.ASSIGNED`: ``laser_id``, ``plane``, ``phi_rad``, ``distance_m``.
     """
-    plane = assign(beams, parameters, patches, limits)
+    return _rows(beams, assign(beams, parameters, patches, limits))
+
+
+def assigned_and_expected(
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """Choose the returns on a plane, and count those that should have been.
+
+    Parameters
+    ----------
+    beams : Beams
+    parameters : LaserParameters
+    patches : sequence of Patch
+    limits : Limits
+
+    Returns
+    -------
+    rows : dict of str to ndarray, shape (m,)
+        See `assigned_rows`.
+    expected : ndarray of int, shape (lasers,)
+        Returns of every laser whose beam meets a plane inside its hull, whatever it measured.
+    """
+    plane, meets = _assign(beams, parameters, patches, limits)
+    expected = np.bincount(beams.laser_id[meets], minlength=len(parameters))
+    return _rows(beams, plane), expected
+
+
+def _rows(beams: Beams, plane: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
     hit = plane != NO_PLANE
     rows = {
         "laser_id": beams.laser_id,

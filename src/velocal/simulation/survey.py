@@ -126,11 +126,17 @@ def field_book(world: World, *, noise: bool = True) -> FieldBook:
             [_polar(world, f"{position}_{i + 1}", at, what, noise) for i, at in enumerate(setups)]
         )
     sketch = survey.sketch_mm * 1e-3
+    images = _images(world, control, targets, noise)
+    measured = set(images.target)
     return FieldBook(
         control=ControlPoints(control.name, sketch * np.round(control.xyz / sketch) + 0.0),
-        planes=dict(zip(targets.name, targets.surface, strict=True)),
+        planes={
+            name: surface
+            for name, surface in zip(targets.name, targets.surface, strict=True)
+            if name in measured
+        },
         polar=PolarObservations.joined(network),
-        images=_images(world, control, targets, noise),
+        images=images,
         base_polar=bases,
         base_coordinates={unit: _repeated(world, unit, noise) for unit in world.scanners},
     )
@@ -181,7 +187,10 @@ def _polar(
 def _images(
     world: World, control: TrueTargets, targets: TrueTargets, noise: bool
 ) -> ImageObservations:
-    """Image coordinates of every target that a camera sees at no too large incidence."""
+    """Image coordinates of every target that a camera sees at no too large incidence.
+
+    A target in one image only cannot be computed, so that nobody measures it.
+    """
     camera = world.survey.camera
     principal = camera.principal_distance_mm
     half = np.array(camera.sensor_mm) / (2.0 * principal)
@@ -189,7 +198,7 @@ def _images(
     normal = np.concatenate([control.normal, targets.normal])
     names = np.array([*control.name, *targets.name])
     std = camera.image_um * 1e-3 / principal
-    parts = []
+    measured = []
     for number, (x, y, z, *looks_at) in enumerate(world.survey.images):
         image, place = f"I{number + 1:02d}", np.array([x, y, z])
         forward = np.array(looks_at) - place
@@ -206,10 +215,16 @@ def _images(
         seen &= (np.abs(value) < half).all(axis=1)
         # Errors of all points are drawn, so that those of a point depend on no other point.
         error = world.rng("image", image).normal(0.0, std, value.shape) if noise else 0.0
-        value = (value + error)[seen]
-        found = tuple(str(name) for name in names[seen])
-        std_of_all = np.full(value.shape, std)
-        parts.append(ImageObservations((image,) * len(found), found, value, std_of_all))
+        measured.append((image, value + error, seen))
+    in_images = np.sum([seen for _, _, seen in measured], axis=0)
+    # Control points are known from the network.
+    enough = (in_images > 1) | (np.arange(len(names)) < len(control.name))
+    parts = []
+    for image, value, seen in measured:
+        kept = value[seen & enough]
+        found = tuple(str(name) for name in names[seen & enough])
+        std_of_all = np.full(kept.shape, std)
+        parts.append(ImageObservations((image,) * len(found), found, kept, std_of_all))
     return ImageObservations.joined(parts)
 
 

@@ -40,10 +40,15 @@ class Posterior:
         return np.asarray(np.linalg.cholesky(np.eye(len(self.std)) + scaled))
 
     @cached_property
+    def _inverse(self) -> Array:
+        """Inverse of `root`. It is used so often that solving each time would cost more."""
+        return np.asarray(np.linalg.inv(self.root))
+
+    @cached_property
     def _reduced(self) -> tuple[Array, Array]:
         """``root^-1 R X'V^-1`` times the common columns (lasers, q, m), and times z (lasers, q)."""
         right = np.concatenate([self.sums.xb, self.sums.x[..., None]], axis=2)
-        solved = np.linalg.solve(self.root, self.std[:, None] * right)
+        solved = self._inverse @ (self.std[:, None] * right)
         return np.ascontiguousarray(solved[..., :-1]), solved[..., -1]
 
     @cached_property
@@ -81,21 +86,18 @@ class Posterior:
     @cached_property
     def slope(self) -> Array:
         """Derivative of v by the common unknowns, with the sign changed, (lasers, q, m)."""
-        transposed = np.swapaxes(self.root, 1, 2)
-        return np.asarray(np.linalg.solve(transposed, self._reduced[0]))
+        return np.asarray(np.swapaxes(self._inverse, 1, 2) @ self._reduced[0])
 
     @cached_property
     def scaled(self) -> Array:
         """Mean of the random unknowns in units of their standard deviation, (lasers, q)."""
-        transposed = np.swapaxes(self.root, 1, 2)
-        own = np.linalg.solve(transposed, self._reduced[1][..., None])[..., 0]
+        own = np.einsum("kij,ki->kj", self._inverse, self._reduced[1])
         return np.asarray(own - self.slope @ self.common)
 
     @cached_property
     def own_covariance(self) -> Array:
         """Covariance of v for given common unknowns, (lasers, q, q)."""
-        inverse = np.linalg.inv(self.root)
-        return np.asarray(np.swapaxes(inverse, 1, 2) @ inverse)
+        return np.asarray(np.swapaxes(self._inverse, 1, 2) @ self._inverse)
 
     @cached_property
     def second_moments(self) -> tuple[Array, Array]:

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.nuisance import by_plane, by_pose
+from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import Bins, UnitStation
 from velocal.arrays import Array
+from velocal.geometry.rigid import skew
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import LaserParameters
 
@@ -171,8 +173,13 @@ class Shared:
         for effect in self.effects:
             block = self.matrix[:, effect.columns]
             if effect.kind == "flatness":
-                values, vectors = np.linalg.eigh((block * weight[:, None]).T @ block)
-                block = block @ vectors[:, values > LEAST_INFORMATION]
+                # Only the rows on this surface are not zero.
+                rows = np.flatnonzero(block.any(axis=1))
+                own = block[rows]
+                values, vectors = np.linalg.eigh((own * weight[rows, None]).T @ own)
+                vectors = vectors[:, values > LEAST_INFORMATION]
+                block = np.zeros((len(block), vectors.shape[1]))
+                block[rows] = own @ vectors
             blocks.append(block)
             columns = slice(used, used + block.shape[1])
             effects.append(replace(effect, columns=columns))
@@ -248,7 +255,7 @@ def shared_effects(
     together, roots = np.zeros((n, 6)), []
     for number, station in enumerate(stations):
         rows = np.flatnonzero(station_of == number)
-        root = symmetric_root(station.survey.pose)
+        root = _pose_root(station.survey)
         derivative = by_pose(
             at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
         )
@@ -290,6 +297,20 @@ def shared_effects(
     return Shared(np.concatenate(blocks, axis=1), tuple(effects))
 
 
+def _pose_root(survey: SurveyUncertainty) -> Array:
+    """Root of the covariance of a pose whose columns are movements of the base, shape (6, 6).
+
+    The translation of ``T_scanner_site`` contains the rotation times the place of the origin of the
+    site, which is another one at every station. An error of the base targets, which all stations
+    have in common, turns the site about the scanner by w and moves it by r: the rotation vector
+    changes by w, the translation t by ``r + w x t``.
+    """
+    about = np.eye(6)
+    about[3:, :3] = -skew(survey.translation)
+    back = np.linalg.inv(about)
+    return np.asarray(about @ symmetric_root(back @ survey.pose @ back.T))
+
+
 def _site_root(stations: Sequence[UnitStation], number: int, plane: int) -> Array:
     """Root of the covariance of a plane, in the site frame where the pose is known."""
     station = stations[number]
@@ -315,14 +336,19 @@ def relief(points: Array, knots_m: float, length_m: float) -> Array:
     centred = points - points.mean(axis=0)
     axes = np.linalg.svd(centred.T @ centred)[0][:, :2]
     flat = centred @ axes
+    around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
     while True:
-        grid = np.round(flat / knots_m)
-        around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        near = np.unique((grid[:, None] + around).reshape(-1, 2), axis=0)
+        # One number per grid cell: rows are sorted much more slowly.
+        i, j = np.round(flat / knots_m).astype(np.int64).T
+        least, width = j.min(), np.ptp(j) + 1
+        cells = np.unique(i * width + (j - least))
+        cells = np.column_stack([cells // width, cells % width + least])
+        near = np.unique((cells[:, None] + around).reshape(-1, 2), axis=0)
         if len(near) <= MAX_KNOTS:
             break
         knots_m, length_m = 1.25 * knots_m, 1.25 * length_m
-    square = ((flat[:, None] - near * knots_m) ** 2).sum(axis=2)
+    a, b = (flat[:, k, None] - near[:, k] * knots_m for k in (0, 1))
+    square = a**2 + b**2
     values = np.exp(-square / (2.0 * length_m**2))
     values[square > (3.5 * length_m) ** 2] = 0.0
     return np.asarray(values / np.sqrt((values**2).sum(axis=1))[:, None])

@@ -108,20 +108,39 @@ def spectrum(group: Group, length: float) -> Spectrum:
     weight = np.sqrt(group.count)
     design = group.design * weight[:, None]
     size = np.sqrt((design**2).sum(axis=0))
-    design = design[:, size > 0.0] / size[size > 0.0]
-    u, s, _ = np.linalg.svd(design, full_matrices=True)
-    rank = int(np.sum(s > 1e-9 * s[:1].sum())) if len(s) else 0
-    rest = u[:, rank:]
+    u, s, _ = np.linalg.svd(design[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    gone = u[:, s > 1e-9 * s[:1].sum()]
     kernel = correlation(group.phi, length) * weight[:, None] * weight
-    values, vectors = np.linalg.eigh(rest.T @ kernel @ rest)
-    projected = vectors.T @ (rest.T @ (weight * group.z))
-    return Spectrum(np.maximum(values, 0.0), projected**2)
+    # The columns of the design become the eigenvectors of one value above all others, and are
+    # left out. A basis of what remains would cost two products of large matrices.
+    through = kernel @ gone
+    above = 2.0 * np.trace(kernel) * np.eye(gone.shape[1])
+    half = through - 0.5 * gone @ (gone.T @ through + above)
+    kernel -= half @ gone.T
+    kernel -= gone @ half.T
+    values, vectors = np.linalg.eigh(kernel)
+    kept = len(values) - gone.shape[1]
+    projected = vectors[:, :kept].T @ (weight * group.z)
+    return Spectrum(np.maximum(values[:kept], 0.0), projected**2)
 
 
 def minus_2_log(of: Spectrum, log_tau: Array, log_omega: Array) -> Array:
-    """Minus twice the restricted log-likelihood, without constants; shape of the arguments."""
-    variance = np.exp(2.0 * log_tau)[..., None] * of.values + np.exp(2.0 * log_omega)[..., None]
-    return np.asarray((np.log(variance) + of.square / variance).sum(axis=-1))
+    """Minus twice the restricted log-likelihood, without constants.
+
+    Parameters
+    ----------
+    of : Spectrum
+    log_tau, log_omega : ndarray
+        Logarithms of the standard deviations, metres; of any shapes that fit each other.
+    """
+    log_tau, log_omega = np.broadcast_arrays(log_tau, log_omega)
+    # Both sums depend on the ratio only, of which a grid has few values.
+    ratio, place = np.unique(np.round(log_tau - log_omega, 12), return_inverse=True)
+    variance = 1.0 + np.exp(2.0 * ratio)[:, None] * of.values
+    logs, squares = np.log(variance).sum(axis=1), (of.square / variance).sum(axis=1)
+    place = place.reshape(log_tau.shape)
+    found = 2.0 * len(of.values) * log_omega + logs[place]
+    return np.asarray(found + np.exp(-2.0 * log_omega) * squares[place])
 
 
 def _best(of: Spectrum, centre: tuple[float, float] | None) -> tuple[float, float, float]:

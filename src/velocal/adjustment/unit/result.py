@@ -245,6 +245,25 @@ class UnitCalibration:
         """Value of a component of the population."""
         return next(one.value for one in self.population if one.name == name)
 
+    def std_without_mean(self, name: str) -> Array:
+        """Standard deviation of a correction minus its mean over the lasers, shape (lasers,).
+
+        Where the mean stays at the factory's value, the covariance of the calibration contains
+        that the lasers differ from the factory by chance in the mean too: by their spread over
+        the root of their number. The data know the differences between lasers better.
+
+        Parameters
+        ----------
+        name : {"dl", "alpha", "v"}
+        """
+        place = NAMES.index(name)
+        together = self.shared[:, place]
+        own = self.calibration.covariance[:, place, place] - (together**2).sum(axis=1)
+        n = len(own)
+        apart = together - together.mean(axis=0)
+        variance = (1.0 - 2.0 / n) * own + own.sum() / n**2 + (apart**2).sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
     def range_factor(self, range_m: Array) -> Array:
         """Factor of the correction of dl of every laser at some ranges.
 

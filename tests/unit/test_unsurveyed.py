@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from velocal.errors import VelocalError
+from velocal.evaluation.holdout import Verdict
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
 from velocal.evaluation.unsurveyed import (
+    Seen,
     adjust_unsurveyed,
-    leave_one_plane_out,
-    unit_station_of,
+    calibrate_unsurveyed,
+    divisions,
+    leave_out,
     unsurveyed_settings,
 )
 from velocal.geometry.planes import Plane
@@ -59,8 +62,10 @@ def cloud_of(errors):
     return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
 
 
-def planes_of(cloud, rows):
-    return [fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items()]
+def seen_of(errors, name="room"):
+    cloud, rows = cloud_of(errors)
+    planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
+    return Seen(name, cloud, planes)
 
 
 def visible(dl):
@@ -78,9 +83,7 @@ def rms(values):
 
 
 def test_distances_are_found_without_a_survey(errors):
-    cloud, rows = cloud_of(errors)
-    station = unit_station_of(cloud, planes_of(cloud, rows))
-    found = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration
+    found = adjust_unsurveyed([seen_of(errors)], SETTINGS).calibration
     dl = found.corrections[:, 0]
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
     std = np.sqrt(found.covariance[:, 0, 0])
@@ -91,19 +94,16 @@ def test_distances_are_found_without_a_survey(errors):
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):
     """The mean of dl remains near the factory's, though all distances are wrong by 3 cm."""
-    cloud, rows = cloud_of(errors + 0.03)
-    station = unit_station_of(cloud, planes_of(cloud, rows))
-    dl = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration.corrections[:, 0]
+    dl = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS).calibration.corrections[:, 0]
     assert abs(dl.mean()) < 0.2 * 0.03
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
 
 
 def test_the_fitted_planes_are_not_believed(errors):
     """Planes that are wrong by 5 cm and 1 degree give the same calibration."""
-    cloud, rows = cloud_of(errors)
-    planes = planes_of(cloud, rows)
-    moved = []
-    for plane in planes:
+    seen = seen_of(errors)
+    cloud, moved = seen.cloud, []
+    for plane in seen.planes:
         old = plane.fit.plane
         normal = old.normal + np.deg2rad(1.0) * np.cross([0.0, 0.0, 1.0], old.normal)
         normal /= np.linalg.norm(normal)
@@ -111,15 +111,15 @@ def test_the_fitted_planes_are_not_believed(errors):
         new = Plane(normal, 0.05 - float(normal @ centre), old.covariance)
         moved.append(replace(plane, fit=replace(plane.fit, plane=new)))
     dl = [
-        adjust_unsurveyed([unit_station_of(cloud, each)], NOMINAL, SETTINGS).calibration.corrections
-        for each in (planes, moved)
+        adjust_unsurveyed([replace(seen, planes=tuple(each))], SETTINGS).calibration.corrections
+        for each in (seen.planes, moved)
     ]
     assert rms(visible(dl[0][:, 0] - dl[1][:, 0])) < 0.05 * rms(visible(errors))
 
 
 def test_every_plane_is_left_out_once(errors):
-    cloud, rows = cloud_of(errors)
-    found = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS)
+    seen = seen_of(errors)
+    found = leave_out([seen], divisions([seen]), SETTINGS)
     assert [each.plane.name for each in found.planes] == list(WALLS)
     for each in found.planes:
         assert each.lasers == len(NOMINAL)
@@ -130,16 +130,44 @@ def test_every_plane_is_left_out_once(errors):
     assert found.mean.before_m == pytest.approx(before)
 
 
+def test_recordings_are_left_out_where_there_are_several(errors):
+    rooms = [seen_of(errors, "hall"), seen_of(errors, "cellar")]
+    parts = divisions(rooms)
+    assert parts == [frozenset((room.name, wall) for wall in WALLS) for room in rooms]
+    found = calibrate_unsurveyed(rooms, SETTINGS)
+    assert [(one.station, one.plane) for one in found.hold_out.parts] == [
+        (room, wall) for room in ("hall", "cellar") for wall in WALLS
+    ]
+    assert found.recommended
+
+
+def test_judged_planes_are_not_adjusted_on(errors):
+    """With planes that are only judged, the result does not know them."""
+    seen = seen_of(errors)
+    judged = [("room", "north"), ("room", "west")]
+    found = calibrate_unsurveyed([seen], SETTINGS, judged)
+    alone = adjust_unsurveyed([seen.without(judged)], SETTINGS)
+    np.testing.assert_array_equal(found.unit.calibration.corrections, alone.calibration.corrections)
+    assert [one.plane for one in found.hold_out.parts] == ["north", "west"]
+    assert found.hold_out.verdict is Verdict.BETTER
+    assert "a common correction of the distances" in "".join(found.unit.warnings)
+
+
 def test_a_perfect_unit_gains_nothing():
-    cloud, rows = cloud_of(np.zeros(len(NOMINAL)))
-    mean = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS).mean
+    seen = seen_of(np.zeros(len(NOMINAL)))
+    mean = leave_out([seen], divisions([seen]), SETTINGS).mean
     assert abs(mean.gain_m) < 0.03 * NOISE_M
+    assert not calibrate_unsurveyed([seen], SETTINGS).recommended
 
 
-def test_one_plane_cannot_be_left_out(errors):
-    cloud, rows = cloud_of(errors)
-    with pytest.raises(VelocalError, match="1 planes, of which one is left out"):
-        leave_one_plane_out(cloud, planes_of(cloud, rows)[:1], SETTINGS)
+def test_one_plane_is_not_judged(errors):
+    seen = seen_of(errors)
+    one = replace(seen, planes=seen.planes[:1])
+    with pytest.raises(VelocalError, match="all 1 planes are left out"):
+        leave_out([one], divisions([one]), SETTINGS)
+    assert calibrate_unsurveyed([one], SETTINGS).hold_out.verdict is Verdict.NOT_JUDGED
+    with pytest.raises(VelocalError, match="no recording has a plane"):
+        calibrate_unsurveyed([replace(seen, planes=())], SETTINGS)
 
 
 def test_nominal_values_contain_no_far_correction():

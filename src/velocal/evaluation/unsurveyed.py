@@ -12,7 +12,7 @@ vertical angle either, because all of them tilt with it. The covariance contains
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,7 +146,9 @@ class LeftOut:
     mean: Spread
 
 
-def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSettings:
+def unsurveyed_settings(
+    scanner: Scanner, parameters: LaserParameters, prior: Mapping[str, float] | None = None
+) -> UnitSettings:
     """Settings for planes that nobody surveyed.
 
     Parameters
@@ -154,13 +156,17 @@ def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSe
     scanner : Scanner
     parameters : LaserParameters
         Parameters that are corrected.
+    prior : mapping of str to float, optional
+        See `UnitSettings`.
 
     Notes
     -----
     No dl stays at the factory's alone. Without a survey, that of one laser is known only relative
     to those of the others, so that the data never seem to decide much of it.
     """
-    return replace(UnitSettings.recommended(scanner, factory=parameters), hold_below=0.0)
+    return replace(
+        UnitSettings.recommended(scanner, prior=prior, factory=parameters), hold_below=0.0
+    )
 
 
 def unit_station_of(seen: Seen) -> UnitStation:
@@ -258,6 +264,26 @@ def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:
     if len(used) > 1:
         return [frozenset(each.keys) for each in used]
     return [frozenset([key]) for each in used for key in each.keys]
+
+
+def drawn(recordings: Sequence[Seen], share: float, seed: int) -> list[PlaneKey]:
+    """Draw planes at random that are only judged.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+    share : float
+        Share of the planes, between 0 and 1; one at least is drawn, and one at least is not.
+    seed : int
+
+    Returns
+    -------
+    list of (recording, plane)
+    """
+    keys = [key for each in recordings for key in each.keys]
+    count = min(max(round(share * len(keys)), 1), len(keys) - 1)
+    chosen = np.random.default_rng(seed).permutation(len(keys))[: max(count, 0)]
+    return [keys[i] for i in sorted(chosen)]
 
 
 def leave_out(

@@ -6,11 +6,18 @@ from typing import Any
 import numpy as np
 
 from velocal import __version__
+from velocal.adjustment.unit.result import NAMES
 from velocal.calibration.files import formats
 from velocal.chain import calibrate_on_planes, points_of
 from velocal.evaluation.holdout import to_columns
 from velocal.evaluation.planes_in_data import plane_of
-from velocal.evaluation.unsurveyed import PlaneKey, Seen, drawn, unsurveyed_settings
+from velocal.evaluation.unsurveyed import (
+    PlaneKey,
+    Seen,
+    drawn,
+    relative_std,
+    unsurveyed_settings,
+)
 from velocal.exports import as_file, write_calibration
 from velocal.io import schemas, storage
 from velocal.io.plain import to_plain
@@ -80,6 +87,8 @@ def main(
     storage.write_json(judged, to_plain(result))
     table: dict[str, Any] = {**result.unit.calibration.to_columns()}
     shares = zip(result.unit.calibration.names, result.unit.determined.T, strict=True)
+    relative = zip(NAMES, relative_std(result.unit).T, strict=True)
+    table |= {f"{name}_relative_std": each for name, each in relative}
     storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})
     storage.write_csv(hold_out, to_columns(result.hold_out))
     save(field_calibration(result, f"{scanner}, {unit}"), svg, png)

@@ -35,7 +35,7 @@ def main(
     sigma_cm: float,
     near_points: bool,
 ) -> None:
-    """Write planes as JSON, the medians on them, statistics of s per plane and laser as CSV, and a picture."""
+    """Write planes, the medians on them, statistics of s per plane and laser, and a picture."""
     known = scanner_named(scanner)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)

@@ -388,14 +388,44 @@ def calibrate_unsurveyed(
     return JudgedCalibration(unit, HoldOut(tuple(held_out), mean, mean), np.zeros(lasers))
 
 
+def relative_std(unit: UnitCalibration) -> Array:
+    """Standard deviations of corrections relative to their mean over the observed lasers.
+
+    A recording without a survey hardly shows that mean. It is the same for all lasers, so that it
+    does not make a plane thicker.
+
+    Parameters
+    ----------
+    unit : UnitCalibration
+
+    Returns
+    -------
+    ndarray, shape (lasers, 3)
+        In the order of `NAMES`; NaN for a laser that was not observed.
+    """
+    seen = unit.calibration.observed
+    n = int(seen.sum())
+    own = np.diagonal(unit.calibration.covariance, axis1=1, axis2=2)[:, : len(NAMES)]
+    shared = unit.shared[seen]
+    # The covariance between lasers is shared[k] @ shared[l].T; that of a laser with itself is more.
+    alone = own[seen] - (shared**2).sum(axis=2)
+    centre = shared.mean(axis=0)
+    variance = ((shared - centre) ** 2).sum(axis=2) + alone * (1.0 - 2.0 / n)
+    found = np.full((len(seen), len(NAMES)), np.nan)
+    found[seen] = np.sqrt(np.maximum(variance + alone.sum(axis=0) / n**2, 0.0))
+    return found
+
+
 def _datum(unit: UnitCalibration) -> list[str]:
     """Say in words and numbers what a calibration without a survey cannot know."""
     common = {one.name: one for one in unit.common}
     near, far = unit.range_limits_m
+    relative = np.sqrt(np.nanmean(relative_std(unit)[:, NAMES.index("dl")] ** 2))
     said = (
-        "without a survey a common correction of the distances of all lasers is hardly seen: its "
-        f"mean is {common['dl'].value * 1e3:.1f} mm, and known to "
-        f"{common['dl'].std * 1e3:.1f} mm (standard deviation)"
+        "without a survey a common correction of the distances of all lasers is hardly seen: "
+        f"it is {common['dl'].value * 1e3:.1f} mm here, with a standard deviation of "
+        f"{common['dl'].std * 1e3:.1f} mm; relative to it the distance of a laser is known to "
+        f"{relative * 1e3:.1f} mm"
     )
     turned = "a common correction of alpha is a turn of the scanner frame and stays at zero"
     ranges = (

@@ -14,6 +14,7 @@ from scipy.special import ndtri
 
 from velocal.arrays import Array
 from velocal.evaluation.holdout import LEVEL, JudgedCalibration
+from velocal.evaluation.unsurveyed import relative_std
 from velocal.io.markup import markdown_table
 from velocal.reporting.style import (
     COLOURS,
@@ -179,8 +180,9 @@ def field_calibration(found: JudgedCalibration, title: str) -> Figure:
     Returns
     -------
     Figure
-        Above: correction of the distance by laser with its interval of 95 %. Below: standard
-        deviation of s of every plane that was left out, before and after.
+        Above: correction of the distance by laser with its interval of 95 %, both relative to
+        the mean over the lasers, which such a calibration hardly knows. Below: standard deviation
+        of s of every plane that was left out, before and after.
     """
     calibration = found.unit.calibration
     with style():
@@ -188,15 +190,18 @@ def field_calibration(found: JudgedCalibration, title: str) -> Figure:
         above, below = figure.subplots(2, 1, gridspec_kw={"height_ratios": (1.0, 1.1)})
         seen = np.flatnonzero(calibration.observed)
         above.axhline(0.0, color=GREY, linewidth=0.8)
+        dl = calibration.corrections[seen, 0]
         above.errorbar(
-            seen + 1, calibration.corrections[seen, 0] * 1e2,
-            yerr=_QUANTILE * calibration.std[seen, 0] * 1e2,
+            seen + 1, (dl - dl.mean()) * 1e2,
+            yerr=_QUANTILE * relative_std(found.unit)[seen, 0] * 1e2,
             fmt="o", markersize=3.6, linewidth=1.0, color=COLOURS[0],
         )  # fmt: skip
         laser_axis(above, len(calibration))
         above.set_xlabel("laser")
-        above.set_ylabel("correction dl [cm]")
-        above.set_title("correction of the distance with its 95 % interval")
+        above.set_ylabel("dl - mean [cm]")
+        above.set_title(
+            "correction of the distance relative to the mean of all lasers, 95 % interval"
+        )
         parts = found.hold_out.parts
         names = [f"{part.station}\n{part.plane}" for part in parts]
         at = np.arange(len(parts))
@@ -221,7 +226,13 @@ def field_calibration(found: JudgedCalibration, title: str) -> Figure:
         below.set_ylim(bottom=0.0)
         below.set_ylabel("std of s [cm]")
         below.set_title("planes that were left out: lasers about their common plane")
-        finish(figure, [below], f"{title}: {found.hold_out.verdict.value}", ncols=2)
+        total = found.hold_out.total
+        said = found.hold_out.verdict.value
+        if total:
+            said += (
+                f" on planes left out ({total.before_m * 1e2:.2f} to {total.after_m * 1e2:.2f} cm)"
+            )
+        finish(figure, [below], f"{title}: {said}", ncols=2)
     return figure
 
 

@@ -88,8 +88,11 @@ def test_distances_are_found_without_a_survey(errors):
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
     std = np.sqrt(found.covariance[:, 0, 0])
     assert (np.abs(dl - errors) < 3.0 * std).all()
-    # Angles that the walls show no better than the distances remain the factory's.
+    # Angles that the walls show no better than the distances remain the factory's. Nothing says
+    # that these are right.
     np.testing.assert_allclose(found.corrections[:, 1:], 0.0, atol=1e-5)
+    assert (found.std[:, 1:] > np.deg2rad(0.01)).all()
+    np.testing.assert_allclose(sum(found.sources.values()), found.covariance, atol=1e-12)
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):

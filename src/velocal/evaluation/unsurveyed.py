@@ -221,7 +221,8 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     Returns
     -------
     UnitCalibration
-        Its covariance is that for given values of the angles that are not adjusted.
+        The variances of the angles that are not adjusted are those of the unit as the data show
+        them; the covariances of the distances are those for given angles.
 
     Raises
     ------
@@ -244,9 +245,28 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
         for name, decided in zip(NAMES, share, strict=True)
         if name != "dl" and decided < LEAST_SHARE
     }
-    return adjust_unit(
+    result = adjust_unit(
         stations, factory, replace(settings, prior={**(settings.prior or {}), **held})
     )
+    return _with_spread(result, {name: found.sigma(f"sigma_{name}") for name in held})
+
+
+def _with_spread(unit: UnitCalibration, left: Mapping[str, float]) -> UnitCalibration:
+    """State the spread over the lasers as the standard deviation of what was not adjusted.
+
+    Parameters
+    ----------
+    unit : UnitCalibration
+    left : mapping of str to float
+        Spread of the parameters that stayed at the factory's values, radians.
+    """
+    calibration = unit.calibration
+    unknown = calibration.sources["prior"].copy()
+    for name, spread in left.items():
+        at = NAMES.index(name)
+        unknown[:, at, at] += spread**2
+    sources = {**calibration.sources, "prior": unknown}
+    return replace(unit, calibration=replace(calibration, sources=sources))
 
 
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:

@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from velocal import __version__
 from velocal.adjustment.unit.result import NAMES
 from velocal.calibration.files import formats
 from velocal.chain import calibrate_on_planes, points_of
+from velocal.evaluation.another_plane import with_another_plane
 from velocal.evaluation.holdout import to_columns
 from velocal.evaluation.planes_in_data import plane_of
 from velocal.evaluation.unsurveyed import (
@@ -43,6 +45,7 @@ def main(
     judged: Path,
     lasers: Path,
     hold_out: Path,
+    more: Path,
     svg: Path,
     png: Path,
     scanner: str,
@@ -52,7 +55,7 @@ def main(
     export: Export,
     chosen: Judged,
 ) -> None:
-    """Write the calibration in every format, what it rests on, what was held out, and a picture.
+    """Write the calibration with what it rests on, was judged on, and would gain by more planes.
 
     `samples` are those of every file of medians.
     """
@@ -69,13 +72,17 @@ def main(
             for number, plane in enumerate(planes["planes"])
         )
         recordings.append(Seen(name, cloud, tuple(found)))
+    settings = unsurveyed_settings(known, factory, joint.prior.std() if joint.prior else None)
+    only_judged = _only_judged(recordings, chosen)
     result = calibrate_on_planes(
         recordings,
         scanner,
-        settings=unsurveyed_settings(known, factory, joint.prior.std() if joint.prior else None),
-        judged=_only_judged(recordings, chosen),
+        settings=settings,
+        judged=only_judged,
         near_points=joint.near_points,
     )
+    used = [each.without(only_judged) for each in recordings]
+    storage.write_csv(more, pd.DataFrame(with_another_plane(used, result.unit, settings)))
     sources = {
         "medians": ["/".join(path.parts[-2:]) for path in medians],
         "factory": calibration.name if calibration else "nominal",

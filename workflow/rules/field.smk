@@ -9,7 +9,9 @@
 #       {results}/parameter_sets/{scanner}/{calibration}.*   calibrations without a survey, and
 #       {results}/calibrations/{scanner}/{calibration}.*     what they rest on, as in
 #                                                            calibration.smk; the picture shows
-#                                                            corrections, and planes left out
+#                                                            corrections, and planes left out;
+#                                                            {calibration}.more.csv tells what one
+#                                                            more plane would bring
 
 UNSURVEYED = SETTINGS.unsurveyed
 UNSURVEYED_SETS = [
@@ -23,12 +25,16 @@ FIELD_FILES += expand(
     sample=STUDY.unsurveyed,
     suffix=("json", "svg", "png"),
 )
-FIELD_FILES += [
-    f"{RESULTS}/calibrations/{scanner}/{name}.{suffix}"
+UNSURVEYED_UNITS = [
+    f"{scanner}/{name}"
     for scanner, sets in STUDY.unsurveyed_calibrations.items()
     for name in sets
-    for suffix in ("csv", "svg", "png")
 ]
+FIELD_FILES += expand(
+    f"{RESULTS}/calibrations/{{unit}}.{{suffix}}",
+    unit=UNSURVEYED_UNITS,
+    suffix=("csv", "svg", "png"),
+)
 
 
 rule fit_field_planes:
@@ -73,6 +79,7 @@ rule adjust_unsurveyed:
         judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
         lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
         hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",
+        more=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.more.csv",
         svg=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.svg",
         png=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.png",
     log:

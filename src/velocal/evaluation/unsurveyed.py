@@ -329,6 +329,8 @@ def leave_out(
     VelocalError
         If nothing is left to adjust on.
     """
+    # Only the corrections are used: the most probable standard deviations of the unit are enough.
+    settings = replace(settings, integration_points=1)
     found: list[tuple[str, FieldPlane, UnitCalibration]] = []
     moments = []
     lasers = len(recordings[0].cloud.parameters)

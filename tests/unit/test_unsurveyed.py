@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from velocal.errors import VelocalError
+from velocal.evaluation.another_plane import with_another_plane
 from velocal.evaluation.holdout import Verdict
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
 from velocal.evaluation.unsurveyed import (
@@ -14,6 +15,7 @@ from velocal.evaluation.unsurveyed import (
     calibrate_unsurveyed,
     divisions,
     leave_out,
+    relative_std,
     unsurveyed_settings,
 )
 from velocal.geometry.planes import Plane
@@ -176,3 +178,20 @@ def test_one_plane_is_not_judged(errors):
 def test_nominal_values_contain_no_far_correction():
     scanner = SCANNERS["HDL-64E-S1"]
     assert unsurveyed_settings(scanner, nominal(scanner)).far_point_m is None
+
+
+def test_one_more_plane_brings_what_was_predicted(errors):
+    """A third wall at right angles: predicted from two walls, and recorded."""
+    whole = seen_of(errors)
+    part = whole.without([("room", "south"), ("room", "west")])
+    unit = adjust_unsurveyed([part], SETTINGS)
+    found = with_another_plane([part], unit, SETTINGS)
+    assert found[0].planes == "as it is"
+    assert len({one.planes for one in found}) == len(found) >= 4
+    assert all(one.lasers == len(NOMINAL) and one.dl_mm > 0.0 for one in found)
+    predicted = next(one for one in found if "right angles" in one.planes)
+    recorded = adjust_unsurveyed([whole.without([("room", "south")])], SETTINGS)
+    assert predicted.dl_mm == pytest.approx(rms(relative_std(recorded)[:, 0]) * 1e3, rel=0.35)
+    assert predicted.dl_mm < found[0].dl_mm
+    # What all lasers share is hardly known, and no part of these.
+    assert (relative_std(unit)[:, 0] < unit.calibration.std[:, 0]).all()

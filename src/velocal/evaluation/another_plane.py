@@ -7,7 +7,7 @@ found, and the unit is adjusted again: the standard deviations are those that it
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,7 @@ def with_another_plane(
     """
     found = [_expected("as it is", unit)]
     used = [each for each in recordings if each.planes]
+    settings = replace(settings, integration_points=1)
     for number, (name, plane) in enumerate(_candidates(used).items()):
         new = _simulated(used[0], unit, *plane, np.random.default_rng([_SEED, number]))
         if new is not None:

@@ -238,7 +238,8 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
         )
     factory = used[0].cloud.parameters
     stations = [unit_station_of(each) for each in used]
-    found = adjust_unit(stations, factory, replace(settings, integration_points=1))
+    rough = replace(settings, integration_points=1, linearisations=1)
+    found = adjust_unit(stations, factory, rough)
     share = np.median(found.determined[found.calibration.observed], axis=0)
     held = {
         name: _HELD_RAD

@@ -17,7 +17,14 @@ import numpy as np
 
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, Search, fit_patches
-from velocal.evaluation.unsurveyed import LeftOut, Spread, leave_one_plane_out, unsurveyed_settings
+from velocal.evaluation.unsurveyed import (
+    LeftOut,
+    Seen,
+    Spread,
+    divisions,
+    leave_out,
+    unsurveyed_settings,
+)
 from velocal.io.markup import inserted, markdown_table
 from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
@@ -71,7 +78,8 @@ def planes_of(name: str, cloud: Cloud, search: PlaneSearch | None = None) -> lis
 def left_out(sample: UnsurveyedSample, cloud: Cloud, planes: Sequence[FieldPlane]) -> LeftOut:
     """Leave out every plane of a capture once."""
     settings = unsurveyed_settings(scanner_named(sample.scanner), cloud.parameters)
-    return leave_one_plane_out(cloud, planes, settings)
+    seen = Seen("recording", cloud, tuple(planes))
+    return leave_out([seen], divisions([seen]), settings)
 
 
 def row(spread: Spread) -> list[str]:

@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
+from velocal.chain import points_of
 from velocal.evaluation.plane_search import find_planes
-from velocal.evaluation.planes_in_data import Cloud, Search, fit_patches, tabulate
+from velocal.evaluation.planes_in_data import Search, fit_patches, tabulate
 from velocal.io import schemas, storage
 from velocal.io.scripts import run
 from velocal.reporting.figures.unsurveyed import field_planes
@@ -22,6 +24,7 @@ def main(
     medians: Path,
     calibration: Path | None,
     planes: Path,
+    members: Path,
     lasers: Path,
     svg: Path,
     png: Path,
@@ -30,13 +33,14 @@ def main(
     patches: Mapping[str, Box] | None,
     search: PlaneSearch,
     sigma_cm: float,
+    near_points: bool,
 ) -> None:
-    """Write planes as JSON, statistics of s per plane and laser as CSV, and a picture."""
+    """Write planes, the medians on them, statistics of s per plane and laser, and a picture."""
     known = scanner_named(scanner)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
-    cloud = Cloud.from_beams(beams, parameters)
+    cloud = points_of(beams, parameters, near_points)
     how = Search.from_config(search)
     found, findings = fit_patches(cloud, patches, how) if patches else find_planes(cloud, how)
     heading = {"sample": sample, "scanner": scanner}
@@ -45,8 +49,16 @@ def main(
     facts |= {"medians": len(cloud.xyz), "sigma_cm": sigma_cm}
     storage.write_json(planes, {**facts, "findings": findings, "planes": rows})
     storage.write_csv(lasers, statistics)
-    members = {plane.name: plane.rows for plane in found}
-    figure = field_planes(cloud.xyz, members, pd.DataFrame(statistics), facts, findings)
+    numbered = [np.full(len(plane.rows), number) for number, plane in enumerate(found)]
+    on_planes = {
+        "row": np.concatenate([np.empty(0), *(plane.rows for plane in found)]),
+        "plane": np.concatenate([np.empty(0), *numbered]),
+    }
+    on_planes = {name: column.astype(np.int64) for name, column in on_planes.items()}
+    names = [plane.name for plane in found]
+    storage.write_table(members, schemas.MEMBERS, on_planes, planes=names)
+    rows_of = {plane.name: plane.rows for plane in found}
+    figure = field_planes(cloud.xyz, rows_of, pd.DataFrame(statistics), facts, findings)
     save(figure, svg, png)
 
 

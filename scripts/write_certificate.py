@@ -29,7 +29,7 @@ def main(
     recordings: list[Path],
     ledgers: list[Path],
     surveys: list[Path],
-    factories: list[Path],
+    factory_files: list[Path],
     json: Path,
     html: Path,
     names: list[str],
@@ -37,26 +37,33 @@ def main(
     samples: list[list[str]],
     sample_names: list[str],
     positions: list[str],
-    factory_scanners: list[str],
+    factories: list[str],
     serials: dict[str, str],
     simulated: bool,
 ) -> None:
     """Write the certificates of the calibrations `names` of `scanners`.
 
-    `samples` are those of every calibration; `recordings`, `ledgers`, `surveys` and `positions`
-    are of `sample_names`, and `factories` of `factory_scanners`.
+    `samples` and `factories` are those of every calibration: a factory is one of `factory_files`,
+    or nominal. `recordings`, `ledgers` and `positions` are of `sample_names`. A sample without a
+    survey has no position, and none of `surveys`.
     """
     facts = dict(zip(sample_names, map(storage.read_json, ledgers), strict=True))
-    known = dict(zip(factory_scanners, factories, strict=True))
     captures = dict(zip(sample_names, recordings, strict=True))
-    stations = dict(zip(sample_names, surveys, strict=True))
     stood = dict(zip(sample_names, positions, strict=True))
+    surveyed = [name for name in sample_names if stood[name]]
+    stations = dict(zip(surveyed, surveys, strict=True))
     found = []
-    for path, name, scanner, own in zip(units, names, scanners, samples, strict=True):
+    for path, name, scanner, own, factory in zip(
+        units, names, scanners, samples, factories, strict=True
+    ):
         judged = from_plain(JudgedCalibration, storage.read_json(path), str(path))
         files = _files("recording", [captures[sample] for sample in own])
-        files += _files("survey of a position", [stations[sample] for sample in own])
-        files += _files("calibration of the factory", [known[scanner]] if scanner in known else [])
+        files += _files(
+            "survey of a position", [stations[sample] for sample in own if stood[sample]]
+        )
+        files += _files(
+            "calibration of the factory", [each for each in factory_files if str(each) == factory]
+        )
         found.append(
             certificate(
                 judged,

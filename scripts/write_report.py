@@ -49,6 +49,8 @@ def main(
     methods_png: Path | None,
     field_table: Path | None,
     field_pictures: list[Path],
+    unit_pictures: list[Path],
+    unit_tables: list[Path],
     outdoor: Path | None,
     outdoor_pictures: list[Path],
     outdoor_numbers: list[Path],
@@ -65,6 +67,7 @@ def main(
     set_scanners: list[str],
     set_names: list[str],
     field_samples: list[str],
+    unsurveyed_units: list[str],
     outdoor_figures: Mapping[str, list[str]],
 ) -> None:
     """Write the report; whatever is missing or empty has no section.
@@ -72,7 +75,8 @@ def main(
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
     `numbers` of `figures`, `sets` and `exports` of `set_scanners` and `set_names`, `factories` of
     `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
-    `field_samples`, `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
+    `field_samples`, `unit_pictures` and `unit_tables` of `unsurveyed_units`, `outdoor_pictures` and
+    `outdoor_numbers` of `outdoor_figures`.
     """
     known = dict(zip(factory_scanners, factories, strict=True))
     columns: dict[str, dict[str, Any]] = {}
@@ -115,6 +119,10 @@ def main(
         methods_png=methods_png.read_bytes() if methods_png else b"",
         field_table=_optional(field_table),
         field_pictures=dict(zip(field_samples, map(Path.read_bytes, field_pictures), strict=True)),
+        unsurveyed_units=[
+            report.UnsurveyedUnit(name, _frame(csv), png.read_bytes())
+            for name, csv, png in zip(unsurveyed_units, unit_tables, unit_pictures, strict=True)
+        ],
         outdoor=_optional(outdoor),
         outdoor_figures=[
             report.OutdoorFigure(number, kind, on, _frame(csv), png.read_bytes())

@@ -6,7 +6,7 @@ study call them too, so that there is one chain only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,15 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
+from velocal.evaluation.planes_in_data import Cloud
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
+from velocal.evaluation.unsurveyed import (
+    PlaneKey,
+    Seen,
+    calibrate_unsurveyed,
+    unit_station_of,
+    unsurveyed_settings,
+)
 from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
@@ -245,6 +253,70 @@ def calibrate_unit(
     if near_points:
         near_m = _mean_near_effect(stations, factory)
     return JudgedCalibration(unit, hold_out(stations, factory, adjusted), near_m)
+
+
+def points_of(beams: Beams, factory: LaserParameters, near_points: bool = True) -> Cloud:
+    """Points of returns, or of medians, among which planes can be looked for.
+
+    Parameters
+    ----------
+    beams : Beams
+    factory : LaserParameters
+    near_points : bool
+        Whether the near-point corrections of the factory's file, if it has any, are applied.
+
+    Returns
+    -------
+    Cloud
+        In the scanner frame.
+    """
+    if near_points:
+        beams = _with_near_points(beams, factory)
+    return Cloud.from_beams(beams, factory)
+
+
+def calibrate_on_planes(
+    recordings: Sequence[Seen],
+    scanner: str,
+    *,
+    settings: UnitSettings | None = None,
+    judged: Collection[PlaneKey] = (),
+    near_points: bool = True,
+) -> JudgedCalibration:
+    """Calibrate a scanner without a survey, on planes that were found in its recordings.
+
+    Lasers and planes are adjusted together. What all lasers have in common is hardly seen.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+        Points (`points_of`) and planes of every recording of one unit, all with the same
+        parameters of the factory.
+    scanner : str
+        Name of the scanner.
+    settings : UnitSettings, optional
+        `unsurveyed_settings` if left out.
+    judged : collection of (recording, plane)
+        Planes that are only judged; see `calibrate_unsurveyed`.
+    near_points : bool
+        As in `points_of`.
+
+    Returns
+    -------
+    JudgedCalibration
+
+    Raises
+    ------
+    VelocalError
+        If no recording has a plane, or nothing is left to adjust on.
+    """
+    factory = recordings[0].cloud.parameters
+    chosen = settings or unsurveyed_settings(scanner_named(scanner), factory)
+    found = calibrate_unsurveyed(recordings, chosen, judged)
+    if not near_points:
+        return found
+    stations = [unit_station_of(each) for each in recordings if each.planes]
+    return replace(found, near_m=_mean_near_effect(stations, factory))
 
 
 def _with_near_points(beams: Beams, factory: LaserParameters) -> Beams:

@@ -48,6 +48,27 @@ def test_untouched_it_is_a_valid_study(scanner, positions, tmp_path, monkeypatch
     assert study.assignment.limits.metric() == Limits()
 
 
+@pytest.mark.parametrize("scanner", SCANNERS)
+def test_untouched_it_is_a_valid_study_without_a_survey(scanner, tmp_path, monkeypatch):
+    capture = tmp_path / "walls.pcap"
+    capture.write_bytes(b"")
+    for name, arguments in (("a", ["--no-survey"]), ("b", ["--recording", capture])):
+        done = init(tmp_path / name, "--scanner", scanner, *arguments)
+        assert done.exit_code == 0, done.output
+        assert "snakemake --cores 2" in done.output
+        monkeypatch.chdir(tmp_path / name)
+        study = read_study(read_yaml(tmp_path / name / "config.yaml"), "config")
+        assert study.calibration_names == [(scanner, "all")]
+        assert not study.surveyed
+    assert [sample.recording for sample in study.unsurveyed.values()] == [str(capture)]
+
+
+def test_a_missing_capture_is_told(tmp_path):
+    done = init(tmp_path / "s", "--recording", tmp_path / "none.pcap")
+    assert "none.pcap: there is no such file" in str(done.exception)
+    assert not (tmp_path / "s").exists()
+
+
 def test_next_steps_are_told(tmp_path):
     done = init(tmp_path / "s", "--scanner", "HDL-64E")
     for part in ("1. ", "2. ", "3. ", "snakemake --cores", "factory.xml", "report.html"):

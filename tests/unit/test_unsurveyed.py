@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from velocal.errors import VelocalError
+from velocal.evaluation.another_plane import with_another_plane
+from velocal.evaluation.holdout import Verdict
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
 from velocal.evaluation.unsurveyed import (
+    Seen,
     adjust_unsurveyed,
-    leave_one_plane_out,
-    unit_station_of,
+    calibrate_unsurveyed,
+    divisions,
+    leave_out,
+    relative_std,
     unsurveyed_settings,
 )
 from velocal.geometry.planes import Plane
@@ -59,8 +64,10 @@ def cloud_of(errors):
     return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
 
 
-def planes_of(cloud, rows):
-    return [fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items()]
+def seen_of(errors, name="room"):
+    cloud, rows = cloud_of(errors)
+    planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
+    return Seen(name, cloud, planes)
 
 
 def visible(dl):
@@ -78,32 +85,30 @@ def rms(values):
 
 
 def test_distances_are_found_without_a_survey(errors):
-    cloud, rows = cloud_of(errors)
-    station = unit_station_of(cloud, planes_of(cloud, rows))
-    found = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration
+    found = adjust_unsurveyed([seen_of(errors)], SETTINGS).calibration
     dl = found.corrections[:, 0]
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
     std = np.sqrt(found.covariance[:, 0, 0])
     assert (np.abs(dl - errors) < 3.0 * std).all()
-    # Angles that the walls show no better than the distances remain the factory's.
+    # Angles that the walls show no better than the distances remain the factory's. That they are
+    # right is not certain.
     np.testing.assert_allclose(found.corrections[:, 1:], 0.0, atol=1e-5)
+    assert (found.std[:, 1:] > np.deg2rad(0.005)).all()
+    np.testing.assert_allclose(sum(found.sources.values()), found.covariance, atol=1e-12)
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):
     """The mean of dl remains near the factory's, though all distances are wrong by 3 cm."""
-    cloud, rows = cloud_of(errors + 0.03)
-    station = unit_station_of(cloud, planes_of(cloud, rows))
-    dl = adjust_unsurveyed([station], NOMINAL, SETTINGS).calibration.corrections[:, 0]
+    dl = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS).calibration.corrections[:, 0]
     assert abs(dl.mean()) < 0.2 * 0.03
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
 
 
 def test_the_fitted_planes_are_not_believed(errors):
     """Planes that are wrong by 5 cm and 1 degree give the same calibration."""
-    cloud, rows = cloud_of(errors)
-    planes = planes_of(cloud, rows)
-    moved = []
-    for plane in planes:
+    seen = seen_of(errors)
+    cloud, moved = seen.cloud, []
+    for plane in seen.planes:
         old = plane.fit.plane
         normal = old.normal + np.deg2rad(1.0) * np.cross([0.0, 0.0, 1.0], old.normal)
         normal /= np.linalg.norm(normal)
@@ -111,15 +116,15 @@ def test_the_fitted_planes_are_not_believed(errors):
         new = Plane(normal, 0.05 - float(normal @ centre), old.covariance)
         moved.append(replace(plane, fit=replace(plane.fit, plane=new)))
     dl = [
-        adjust_unsurveyed([unit_station_of(cloud, each)], NOMINAL, SETTINGS).calibration.corrections
-        for each in (planes, moved)
+        adjust_unsurveyed([replace(seen, planes=tuple(each))], SETTINGS).calibration.corrections
+        for each in (seen.planes, moved)
     ]
     assert rms(visible(dl[0][:, 0] - dl[1][:, 0])) < 0.05 * rms(visible(errors))
 
 
 def test_every_plane_is_left_out_once(errors):
-    cloud, rows = cloud_of(errors)
-    found = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS)
+    seen = seen_of(errors)
+    found = leave_out([seen], divisions([seen]), SETTINGS)
     assert [each.plane.name for each in found.planes] == list(WALLS)
     for each in found.planes:
         assert each.lasers == len(NOMINAL)
@@ -130,18 +135,63 @@ def test_every_plane_is_left_out_once(errors):
     assert found.mean.before_m == pytest.approx(before)
 
 
+def test_recordings_are_left_out_where_there_are_several(errors):
+    rooms = [seen_of(errors, "hall"), seen_of(errors, "cellar")]
+    parts = divisions(rooms)
+    assert parts == [frozenset((room.name, wall) for wall in WALLS) for room in rooms]
+    found = calibrate_unsurveyed(rooms, SETTINGS)
+    assert [(one.station, one.plane) for one in found.hold_out.parts] == [
+        (room, wall) for room in ("hall", "cellar") for wall in WALLS
+    ]
+    assert found.recommended
+
+
+def test_judged_planes_are_not_adjusted_on(errors):
+    """With planes that are only judged, the result does not know them."""
+    seen = seen_of(errors)
+    judged = [("room", "north"), ("room", "west")]
+    found = calibrate_unsurveyed([seen], SETTINGS, judged)
+    alone = adjust_unsurveyed([seen.without(judged)], SETTINGS)
+    np.testing.assert_array_equal(found.unit.calibration.corrections, alone.calibration.corrections)
+    assert [one.plane for one in found.hold_out.parts] == ["north", "west"]
+    assert found.hold_out.verdict is Verdict.BETTER
+    assert "a common correction of the distances" in "".join(found.unit.warnings)
+
+
 def test_a_perfect_unit_gains_nothing():
-    cloud, rows = cloud_of(np.zeros(len(NOMINAL)))
-    mean = leave_one_plane_out(cloud, planes_of(cloud, rows), SETTINGS).mean
+    seen = seen_of(np.zeros(len(NOMINAL)))
+    mean = leave_out([seen], divisions([seen]), SETTINGS).mean
     assert abs(mean.gain_m) < 0.03 * NOISE_M
+    assert not calibrate_unsurveyed([seen], SETTINGS).recommended
 
 
-def test_one_plane_cannot_be_left_out(errors):
-    cloud, rows = cloud_of(errors)
-    with pytest.raises(VelocalError, match="1 planes, of which one is left out"):
-        leave_one_plane_out(cloud, planes_of(cloud, rows)[:1], SETTINGS)
+def test_one_plane_is_not_judged(errors):
+    seen = seen_of(errors)
+    one = replace(seen, planes=seen.planes[:1])
+    with pytest.raises(VelocalError, match="all 1 planes are left out"):
+        leave_out([one], divisions([one]), SETTINGS)
+    assert calibrate_unsurveyed([one], SETTINGS).hold_out.verdict is Verdict.NOT_JUDGED
+    with pytest.raises(VelocalError, match="no recording has a plane"):
+        calibrate_unsurveyed([replace(seen, planes=())], SETTINGS)
 
 
 def test_nominal_values_contain_no_far_correction():
     scanner = SCANNERS["HDL-64E-S1"]
     assert unsurveyed_settings(scanner, nominal(scanner)).far_point_m is None
+
+
+def test_one_more_plane_brings_what_was_predicted(errors):
+    """A third wall at right angles: predicted from two walls, and recorded."""
+    whole = seen_of(errors)
+    part = whole.without([("room", "south"), ("room", "west")])
+    unit = adjust_unsurveyed([part], SETTINGS)
+    found = with_another_plane([part], unit, SETTINGS)
+    assert found[0].planes == "as it is"
+    assert len({one.planes for one in found}) == len(found) >= 4
+    assert all(one.lasers == len(NOMINAL) and one.dl_mm > 0.0 for one in found)
+    predicted = next(one for one in found if "right angles" in one.planes)
+    recorded = adjust_unsurveyed([whole.without([("room", "south")])], SETTINGS)
+    assert predicted.dl_mm == pytest.approx(rms(relative_std(recorded)[:, 0]) * 1e3, rel=0.35)
+    assert predicted.dl_mm < found[0].dl_mm
+    # What all lasers share is hardly known, and no part of these.
+    assert (relative_std(unit)[:, 0] < unit.calibration.std[:, 0]).all()

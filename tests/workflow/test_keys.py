@@ -86,6 +86,11 @@ def offset(name: str) -> tuple[tuple[tuple[str, ...], Any], ...]:
 
 OF_UNIT = (("scanner", "HDL-64E"), ("unit", "unit"))
 UNIT = ((("calibrations",), {"HDL-64E": {"unit": ["sa3"]}}),)
+WITHOUT_SURVEY = (("scanner", "HDL-32E"), ("unit", "walls"))
+UNSURVEYED_UNIT = (
+    (("unsurveyed", "calibrations"), {"HDL-32E": {"walls": ["room"]}}),
+    (("unsurveyed", "judged"), {}),
+)
 
 CHANGES = {
     "study": change("study", "Another title", Given("write_report", "title")),
@@ -215,6 +220,17 @@ CHANGES = {
     f"{BOX}.x_m": change("unsurveyed.patches.room.wall.x_m", [-0.5, 0.5], PLANES),
     f"{BOX}.y_m": change("unsurveyed.patches.room.wall.y_m", [-9, 0], PLANES),
     f"{BOX}.z_m": change("unsurveyed.patches.room.wall.z_m", [-9, 0], PLANES),
+    "unsurveyed.calibrations.{scanner}.{set}": change(
+        "unsurveyed.calibrations", {"HDL-32E": {"walls": ["room"]}},
+        Given("write_certificate", "samples"), before=((("unsurveyed", "calibrations"), {}), *UNIT),
+    ),
+    **{
+        f"unsurveyed.judged.{key}": change(
+            f"unsurveyed.judged.{key}", value, Given("adjust_unsurveyed", "chosen", WITHOUT_SURVEY),
+            before=UNSURVEYED_UNIT,
+        )
+        for key, value in (("names", ["room/wall"]), ("share", 0.5), ("seed", 2))
+    },
     "unsurveyed.search.planes": change(
         "unsurveyed.search.planes", 1, PLANES, before=SEARCHED
     ),

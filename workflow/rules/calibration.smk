@@ -35,15 +35,13 @@ CALIBRATIONS = ["/".join(each) for each in STUDY.calibration_names]
 CERTIFICATES = expand(
     f"{RESULTS}/certificate.{{suffix}}", suffix=("json", "html") if CALIBRATIONS else ()
 )
-CERTIFIED = [
-    name
-    for name in STUDY.surveyed
-    if any(
-        name in samples
-        for sets in STUDY.calibrations.values()
-        for samples in sets.values()
+CERTIFIED = list(
+    dict.fromkeys(
+        sample
+        for each in STUDY.calibration_names
+        for sample in STUDY.calibrated_on(*each)
     )
-]
+)
 VERDICTS = f"{RESULTS}/calibrations/verdicts.txt" if CALIBRATIONS else []
 PROGRAM_SUFFIXES = ("yaml", "xml", "velodyne_decoder.yaml")
 SET_FILES = expand(
@@ -110,7 +108,7 @@ rule adjust_unit:
     log:
         f"{RESULTS}/logs/adjust_unit/{{scanner}}.{{unit}}.log",
     wildcard_constraints:
-        unit=one_of([name for _, name in STUDY.calibration_names]),
+        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
     params:
         positions=lambda wildcards: positions_per_window(
             samples_of_calibration(wildcards)
@@ -128,7 +126,13 @@ rule write_certificate:
         recordings=[STUDY.samples[sample].recording for sample in CERTIFIED],
         ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=CERTIFIED),
         surveys=at_positions(f"{RESULTS}/survey/{{position}}.json", CERTIFIED),
-        factories=list(STUDY.factory_files.values()),
+        factory_files=sorted(
+            {
+                sample.calibration
+                for sample in map(STUDY.samples.get, CERTIFIED)
+                if sample.calibration != NOMINAL
+            }
+        ),
     output:
         json=f"{RESULTS}/certificate.json",
         html=f"{RESULTS}/certificate.html",
@@ -137,13 +141,17 @@ rule write_certificate:
     params:
         names=[name for _, name in STUDY.calibration_names],
         scanners=[scanner for scanner, _ in STUDY.calibration_names],
-        samples=[
-            list(STUDY.calibrations[scanner][name])
-            for scanner, name in STUDY.calibration_names
-        ],
+        samples=[list(STUDY.calibrated_on(*each)) for each in STUDY.calibration_names],
         sample_names=CERTIFIED,
-        positions=[STUDY.samples[sample].position for sample in CERTIFIED],
-        factory_scanners=list(STUDY.factory_files),
+        # Samples without a survey have no position.
+        positions=[
+            STUDY.surveyed[sample].position if sample in STUDY.surveyed else ""
+            for sample in CERTIFIED
+        ],
+        factories=[
+            str(STUDY.samples[STUDY.calibrated_on(*each)[0]].calibration)
+            for each in STUDY.calibration_names
+        ],
         serials=SETTINGS.serials,
         simulated=bool(WORLD),
     script:

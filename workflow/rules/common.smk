@@ -108,7 +108,13 @@ def samples_of_set(wildcards):
 
 
 def samples_of_calibration(wildcards):
-    return STUDY.calibrations[wildcards.scanner][wildcards.unit]
+    return STUDY.calibrated_on(wildcards.scanner, wildcards.unit)
+
+
+def factory_of_calibration(wildcards):
+    """Factory calibration that a calibration without a survey corrects, as input."""
+    path = STUDY.samples[samples_of_calibration(wildcards)[0]].calibration
+    return [] if path == NOMINAL else path
 
 
 def samples_of_candidate(wildcards):
@@ -135,9 +141,11 @@ def adjusted_on(wildcards):
 
 
 def at_positions(pattern, samples):
-    """Paths of a pattern for the positions of samples."""
+    """Paths of a pattern for the positions of samples; those without a survey have none."""
     return [
-        expand(pattern, position=STUDY.samples[name].position)[0] for name in samples
+        expand(pattern, position=STUDY.surveyed[name].position)[0]
+        for name in samples
+        if name in STUDY.surveyed
     ]
 
 

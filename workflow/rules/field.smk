@@ -2,11 +2,21 @@
 #
 # in:   medians of the whole recording, a calibration (a file, or nominal values)
 # out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
+#       {results}/field/{sample}/planes.parquet   which medians lie on them
 #       {results}/field/{sample}/lasers.csv       std of s per plane and laser
 #       {results}/field/{sample}/planes.{svg,png} picture
 #       {results}/field/table.{csv,md}            one row per sample and plane
+#       {results}/parameter_sets/{scanner}/{calibration}.*   calibrations without a survey, and
+#       {results}/calibrations/{scanner}/{calibration}.*     what they rest on, as in
+#                                                            calibration.smk; the picture shows
+#                                                            corrections, and planes left out;
+#                                                            {calibration}.more.csv tells what one
+#                                                            more plane would bring
 
 UNSURVEYED = SETTINGS.unsurveyed
+UNSURVEYED_SETS = [
+    name for sets in STUDY.unsurveyed_calibrations.values() for name in sets
+]
 
 
 FIELD_FILES = [f"{RESULTS}/field/table.csv"] if STUDY.unsurveyed else []
@@ -14,6 +24,16 @@ FIELD_FILES += expand(
     f"{RESULTS}/field/{{sample}}/planes.{{suffix}}",
     sample=STUDY.unsurveyed,
     suffix=("json", "svg", "png"),
+)
+UNSURVEYED_UNITS = [
+    f"{scanner}/{name}"
+    for scanner, sets in STUDY.unsurveyed_calibrations.items()
+    for name in sets
+]
+FIELD_FILES += expand(
+    f"{RESULTS}/calibrations/{{unit}}.{{suffix}}",
+    unit=UNSURVEYED_UNITS,
+    suffix=("csv", "svg", "png"),
 )
 
 
@@ -23,6 +43,7 @@ rule fit_field_planes:
         calibration=calibration_file,
     output:
         planes=f"{RESULTS}/field/{{sample}}/planes.json",
+        members=f"{RESULTS}/field/{{sample}}/planes.parquet",
         lasers=f"{RESULTS}/field/{{sample}}/lasers.csv",
         svg=f"{RESULTS}/field/{{sample}}/planes.svg",
         png=f"{RESULTS}/field/{{sample}}/planes.png",
@@ -34,8 +55,44 @@ rule fit_field_planes:
         patches=lambda wildcards: UNSURVEYED.plain()["patches"].get(wildcards.sample),
         search=lambda wildcards: UNSURVEYED.search.plain(),
         sigma_cm=lambda wildcards: UNSURVEYED.sigma_cm,
+        near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/fit_field_planes.py"
+
+
+rule adjust_unsurveyed:
+    input:
+        medians=lambda wildcards: per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        members=lambda wildcards: expand(
+            f"{RESULTS}/field/{{sample}}/planes.parquet",
+            sample=samples_of_calibration(wildcards),
+        ),
+        calibration=factory_of_calibration,
+    output:
+        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
+        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
+        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.yaml",
+        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.xml",
+        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+        lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
+        hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",
+        more=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.more.csv",
+        svg=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.svg",
+        png=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.png",
+    log:
+        f"{RESULTS}/logs/adjust_unsurveyed/{{scanner}}.{{unit}}.log",
+    wildcard_constraints:
+        unit=one_of(UNSURVEYED_SETS),
+    params:
+        samples=samples_of_calibration,
+        joint=SETTINGS.joint.plain(),
+        export=SETTINGS.export.plain(),
+        chosen=lambda wildcards: UNSURVEYED.judged.plain(),
+    script:
+        "../../scripts/adjust_unsurveyed.py"
 
 
 rule tabulate_field:

@@ -94,6 +94,12 @@ rule write_report:
         field_pictures=expand(
             f"{RESULTS}/field/{{sample}}/planes.png", sample=STUDY.unsurveyed
         ),
+        unit_pictures=expand(
+            f"{RESULTS}/calibrations/{{unit}}.png", unit=UNSURVEYED_UNITS
+        ),
+        unit_tables=expand(
+            f"{RESULTS}/calibrations/{{unit}}.more.csv", unit=UNSURVEYED_UNITS
+        ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
         outdoor_numbers=figure_files(OUTDOOR_FIGURES, ["csv"]),
@@ -118,6 +124,7 @@ rule write_report:
             name for scanner in STUDY.scanners for name in STUDY.candidates(scanner)
         ],
         field_samples=list(STUDY.unsurveyed),
+        unsurveyed_units=UNSURVEYED_UNITS,
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"

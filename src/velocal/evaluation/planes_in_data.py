@@ -241,15 +241,29 @@ def fit_robustly(name: str, cloud: Cloud, rows: Rows, limits: PlaneLimits) -> Fi
         keep = changed
     chosen = rows[keep]
     _check_size(cloud, chosen, limits)
-    fit = fit_plane(cloud.xyz[chosen])
+    return plane_of(name, cloud, chosen, trimmed=int(np.count_nonzero(steep & ~keep)))
+
+
+def plane_of(name: str, cloud: Cloud, rows: Rows, trimmed: int = 0) -> FieldPlane:
+    """Fit a plane to rows of a cloud, all of which belong to it.
+
+    Parameters
+    ----------
+    name : str
+    cloud : Cloud
+    rows : ndarray of int, shape (n,)
+    trimmed : int
+        Points that were left out before.
+    """
+    fit = fit_plane(cloud.xyz[rows])
     return FieldPlane(
         name,
         fit,
-        chosen,
-        cloud.s(chosen, fit.plane),
-        trimmed=int(np.count_nonzero(steep & ~keep)),
-        range_m=float(np.mean(cloud.distance_m[chosen])),
-        incidence_rad=float(np.mean(cloud.incidence(chosen, fit.plane))),
+        rows,
+        cloud.s(rows, fit.plane),
+        trimmed=trimmed,
+        range_m=float(np.mean(cloud.distance_m[rows])),
+        incidence_rad=float(np.mean(cloud.incidence(rows, fit.plane))),
     )
 
 

@@ -1,5 +1,8 @@
 """A unit calibrated on planes that nobody surveyed, and judged on planes that were left out.
 
+There may be one recording or many: the scanner may be moved, turned and tilted between them. The
+lasers are the same in all, every recording has planes of its own.
+
 The planes are those found in the data. They are unknowns, and adjusted together with the lasers.
 What all lasers have in common is hardly seen then: the means of dl and alpha over the lasers stay
 at the factory's, unless the data decide them clearly better than the unit's own spread
@@ -9,7 +12,7 @@ vertical angle either, because all of them tilt with it. The covariance contains
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +25,7 @@ from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.errors import VelocalError
-from velocal.evaluation.holdout import LEVEL
+from velocal.evaluation.holdout import LEVEL, Gain, HeldOut, HoldOut, JudgedCalibration
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane
 from velocal.geometry.planes import fit_plane
 from velocal.scanner.models import Scanner
@@ -40,6 +43,39 @@ LEAST_SHARE = 0.5
 _HELD_RAD = 1e-7
 #: Resamples of the bootstrap, and its seed.
 _RESAMPLES, _SEED = 2000, 1
+
+
+#: A plane of a recording: the names of both.
+PlaneKey = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a recording shows: its points, and planes among them.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    cloud : Cloud
+        With the parameters that are corrected, which are the same for all recordings of a unit.
+    planes : tuple of FieldPlane
+        Found in this cloud.
+    """
+
+    name: str
+    cloud: Cloud
+    planes: tuple[FieldPlane, ...]
+
+    @property
+    def keys(self) -> list[PlaneKey]:
+        """All planes by their names."""
+        return [(self.name, plane.name) for plane in self.planes]
+
+    def without(self, left_out: Collection[PlaneKey]) -> Seen:
+        """The same recording without some planes."""
+        kept = (each for each in self.planes if (self.name, each.name) not in left_out)
+        return replace(self, planes=tuple(kept))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +102,10 @@ class Spread:
     low_m: float
     high_m: float
 
+    def gain(self, lasers: int) -> Gain:
+        """The same as a gain of so many lasers."""
+        return Gain(self.before_m, self.after_m, self.gain_m, self.low_m, self.high_m, lasers)
+
 
 @dataclass(frozen=True)
 class PlaneLeftOut:
@@ -73,6 +113,8 @@ class PlaneLeftOut:
 
     Attributes
     ----------
+    recording : str
+        Name of its recording.
     plane : FieldPlane
         As the search or the fit found it with the factory's parameters.
     lasers : int
@@ -82,6 +124,7 @@ class PlaneLeftOut:
         Adjusted on the other planes.
     """
 
+    recording: str
     plane: FieldPlane
     lasers: int
     spread: Spread
@@ -90,7 +133,7 @@ class PlaneLeftOut:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Every plane, left out once.
+    """Planes that were left out, each once.
 
     Attributes
     ----------
@@ -103,7 +146,9 @@ class LeftOut:
     mean: Spread
 
 
-def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSettings:
+def unsurveyed_settings(
+    scanner: Scanner, parameters: LaserParameters, prior: Mapping[str, float] | None = None
+) -> UnitSettings:
     """Settings for planes that nobody surveyed.
 
     Parameters
@@ -111,27 +156,25 @@ def unsurveyed_settings(scanner: Scanner, parameters: LaserParameters) -> UnitSe
     scanner : Scanner
     parameters : LaserParameters
         Parameters that are corrected.
+    prior : mapping of str to float, optional
+        See `UnitSettings`.
 
     Notes
     -----
     No dl stays at the factory's alone. Without a survey, that of one laser is known only relative
     to those of the others, so that the data never seem to decide much of it.
     """
-    return replace(UnitSettings.recommended(scanner, factory=parameters), hold_below=0.0)
+    return replace(
+        UnitSettings.recommended(scanner, prior=prior, factory=parameters), hold_below=0.0
+    )
 
 
-def unit_station_of(
-    cloud: Cloud, planes: Sequence[FieldPlane], name: str = "recording"
-) -> UnitStation:
+def unit_station_of(seen: Seen) -> UnitStation:
     """Points on planes as a station whose pose is known and whose planes are not.
 
     Parameters
     ----------
-    cloud : Cloud
-    planes : sequence of FieldPlane
-        Found in this cloud.
-    name : str
-        Of the station.
+    seen : Seen
 
     Returns
     -------
@@ -139,6 +182,7 @@ def unit_station_of(
         Its site frame is the scanner frame: the pose has no error. Every plane has a wide prior
         about what was fitted.
     """
+    cloud, planes = seen.cloud, seen.planes
     rows = np.concatenate([plane.rows for plane in planes])
     number = np.repeat(np.arange(len(planes)), [len(plane.rows) for plane in planes])
     normal = np.stack([plane.fit.plane.normal for plane in planes])
@@ -157,12 +201,10 @@ def unit_station_of(
         offset[number],
         number,
     )
-    return UnitStation(name, observations, survey, tuple(plane.name for plane in planes))
+    return UnitStation(seen.name, observations, survey, tuple(plane.name for plane in planes))
 
 
-def adjust_unsurveyed(
-    stations: Sequence[UnitStation], factory: LaserParameters, settings: UnitSettings
-) -> UnitCalibration:
+def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> UnitCalibration:
     """Adjust a unit on planes that nobody surveyed.
 
     The distances are always adjusted. Alpha and v are adjusted only if the data decide more than
@@ -171,41 +213,111 @@ def adjust_unsurveyed(
 
     Parameters
     ----------
-    stations : sequence of UnitStation
-        See `unit_station_of`.
-    factory : LaserParameters
-        Parameters that are corrected.
+    recordings : sequence of Seen
+        Those without a plane are passed over.
     settings : UnitSettings
         See `unsurveyed_settings`.
 
     Returns
     -------
     UnitCalibration
-        Its covariance is that for given values of the angles that are not adjusted.
+        The variances of the angles that are not adjusted are those of the unit as the data show
+        them; the covariances of the distances are those for given angles.
+
+    Raises
+    ------
+    VelocalError
+        If no recording has a plane.
     """
-    found = adjust_unit(stations, factory, replace(settings, integration_points=1))
+    used = [each for each in recordings if each.planes]
+    if not used:
+        raise VelocalError(
+            "no recording has a plane",
+            where="calibration without a survey",
+            hint="Name planes by boxes (`patches`), or let more planes be found (`search`).",
+        )
+    factory = used[0].cloud.parameters
+    stations = [unit_station_of(each) for each in used]
+    rough = replace(settings, integration_points=1, linearisations=1)
+    found = adjust_unit(stations, factory, rough)
     share = np.median(found.determined[found.calibration.observed], axis=0)
     held = {
         name: _HELD_RAD
         for name, decided in zip(NAMES, share, strict=True)
         if name != "dl" and decided < LEAST_SHARE
     }
-    return adjust_unit(
+    result = adjust_unit(
         stations, factory, replace(settings, prior={**(settings.prior or {}), **held})
     )
+    return _with_spread(result, {name: found.sigma(f"sigma_{name}") for name in held})
 
 
-def leave_one_plane_out(
-    cloud: Cloud, planes: Sequence[FieldPlane], settings: UnitSettings
-) -> LeftOut:
-    """Adjust on all planes but one, fit the one to the corrected points, for every plane.
+def _with_spread(unit: UnitCalibration, left: Mapping[str, float]) -> UnitCalibration:
+    """State the spread over the lasers as the standard deviation of what was not adjusted.
 
     Parameters
     ----------
-    cloud : Cloud
-        With the parameters that are corrected.
-    planes : sequence of FieldPlane
-        Found in this cloud. The points of a plane remain the same before and after.
+    unit : UnitCalibration
+    left : mapping of str to float
+        Spread of the parameters that stayed at the factory's values, radians.
+    """
+    calibration = unit.calibration
+    unknown = calibration.sources["prior"].copy()
+    for name, spread in left.items():
+        at = NAMES.index(name)
+        unknown[:, at, at] += spread**2
+    sources = {**calibration.sources, "prior": unknown}
+    return replace(unit, calibration=replace(calibration, sources=sources))
+
+
+def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:
+    """Parts that are left out one after the other: recordings, or planes of the only one.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+
+    Returns
+    -------
+    list of frozenset of (recording, plane)
+    """
+    used = [each for each in recordings if each.planes]
+    if len(used) > 1:
+        return [frozenset(each.keys) for each in used]
+    return [frozenset([key]) for each in used for key in each.keys]
+
+
+def drawn(recordings: Sequence[Seen], share: float, seed: int) -> list[PlaneKey]:
+    """Draw planes at random that are only judged.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+    share : float
+        Share of the planes, between 0 and 1; one at least is drawn, and one at least is not.
+    seed : int
+
+    Returns
+    -------
+    list of (recording, plane)
+    """
+    keys = [key for each in recordings for key in each.keys]
+    count = min(max(round(share * len(keys)), 1), len(keys) - 1)
+    chosen = np.random.default_rng(seed).permutation(len(keys))[: max(count, 0)]
+    return [keys[i] for i in sorted(chosen)]
+
+
+def leave_out(
+    recordings: Sequence[Seen], parts: Sequence[Collection[PlaneKey]], settings: UnitSettings
+) -> LeftOut:
+    """Adjust without the planes of a part, fit these to the corrected points, for every part.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+    parts : sequence of collection of (recording, plane)
+        See `divisions`. No plane is in two parts. The points of a plane remain the same before and
+        after.
     settings : UnitSettings
         See `unsurveyed_settings`.
 
@@ -216,39 +328,134 @@ def leave_one_plane_out(
     Raises
     ------
     VelocalError
-        If there are fewer than two planes.
+        If nothing is left to adjust on.
     """
-    if len(planes) < 2:
-        raise VelocalError(
-            f"{len(planes)} planes, of which one is left out",
-            where="leave one plane out",
-            allowed="2 planes or more",
-            hint="Name planes by boxes, or let more planes be found.",
-        )
-    lasers = len(cloud.parameters)
-    units, moments = [], []
-    for left_out in planes:
-        station = unit_station_of(cloud, [plane for plane in planes if plane is not left_out])
-        units.append(adjust_unsurveyed([station], cloud.parameters, settings))
-        after = Cloud.from_beams(cloud, units[-1].calibration.adjusted)
-        laser = cloud.laser_id[left_out.rows]
-        residuals = [_residuals(each, left_out) for each in (cloud, after)]
-        moments.append([[np.bincount(laser, s**k, lasers) for k in range(3)] for s in residuals])
+    # Only the corrections are used: the most probable standard deviations of the unit are enough.
+    settings = replace(settings, integration_points=1)
+    found: list[tuple[str, FieldPlane, UnitCalibration]] = []
+    moments = []
+    lasers = len(recordings[0].cloud.parameters)
+    for part in parts:
+        kept = [each.without(part) for each in recordings]
+        if not any(each.planes for each in kept):
+            raise VelocalError(
+                f"all {sum(len(each.planes) for each in recordings)} planes are left out",
+                where="calibration without a survey",
+                allowed="2 planes or more, of which some are left",
+                hint="Name planes by boxes, or let more planes be found.",
+            )
+        unit = adjust_unsurveyed(kept, settings)
+        for seen in recordings:
+            judged = [plane for plane in seen.planes if (seen.name, plane.name) in part]
+            after = Cloud.from_beams(seen.cloud, unit.calibration.adjusted) if judged else None
+            for plane in judged:
+                laser = seen.cloud.laser_id[plane.rows]
+                s = [_residuals(each, plane) for each in (seen.cloud, after) if each is not None]
+                moments.append([[np.bincount(laser, e**k, lasers) for k in range(3)] for e in s])
+                found.append((seen.name, plane, unit))
     # By plane, before and after, power of s, and laser.
     sums = np.array(moments)
-    seen = np.flatnonzero(sums[:, 0, 0].any(axis=0))
-    rng = np.random.default_rng(_SEED)
-    times = rng.multinomial(len(seen), np.full(len(seen), 1.0 / len(seen)), size=_RESAMPLES)
-    std, resampled = _std(sums.sum(axis=3)), _std(sums[..., seen] @ times.T)
+    lasers_seen = np.flatnonzero(sums[:, 0, 0].any(axis=0))
+    n = len(lasers_seen)
+    times = np.random.default_rng(_SEED).multinomial(n, np.full(n, 1.0 / n), size=_RESAMPLES)
+    std, resampled = _std(sums.sum(axis=3)), _std(sums[..., lasers_seen] @ times.T)
     count, variance = sums[:, 1, 0], np.nan_to_num(_std(sums)[:, 1] ** 2)
     within = np.sqrt((count * variance).sum(axis=1) / count.sum(axis=1))
-    parts = tuple(
-        PlaneLeftOut(plane, int((own[0, 0] > 0).sum()), _spread(*found), unit)
-        for plane, own, unit, *found in zip(
-            planes, sums, units, within, std, resampled, strict=True
-        )
+    planes = tuple(
+        PlaneLeftOut(*which[:2], int((own[0, 0] > 0).sum()), _spread(*numbers), which[2])
+        for which, own, *numbers in zip(found, sums, within, std, resampled, strict=True)
     )
-    return LeftOut(parts, _spread(within.mean(), std.mean(axis=0), resampled.mean(axis=0)))
+    return LeftOut(planes, _spread(within.mean(), std.mean(axis=0), resampled.mean(axis=0)))
+
+
+def calibrate_unsurveyed(
+    recordings: Sequence[Seen],
+    settings: UnitSettings,
+    judged: Collection[PlaneKey] = (),
+) -> JudgedCalibration:
+    """Calibrate a unit on planes that nobody surveyed, and judge it on planes left out.
+
+    Parameters
+    ----------
+    recordings : sequence of Seen
+    settings : UnitSettings
+        See `unsurveyed_settings`.
+    judged : collection of (recording, plane)
+        Planes that are only judged. If left out, every plane is used, and each part of `divisions`
+        is left out once to judge the method.
+
+    Returns
+    -------
+    JudgedCalibration
+        Without a survey the residuals of a plane are those about the plane that is fitted to its
+        points, so that `HeldOut.total` and `HeldOut.centred` are the same. The interval is that
+        of a bootstrap over the lasers.
+
+    Raises
+    ------
+    VelocalError
+        If no recording has a plane, or all planes are only judged.
+    """
+    unit = adjust_unsurveyed([each.without(judged) for each in recordings], settings)
+    unit = replace(unit, warnings=(*unit.warnings, *_datum(unit)))
+    parts = [frozenset(judged)] if judged else divisions(recordings)
+    lasers = len(unit.calibration)
+    if sum(len(each.planes) for each in recordings) < 2:
+        return JudgedCalibration(unit, HoldOut((), None, None), np.zeros(lasers))
+    left_out = leave_out(recordings, parts, settings)
+    held_out = []
+    for one in left_out.planes:
+        gain = one.spread.gain(one.lasers)
+        held_out.append(HeldOut(one.recording, one.plane.name, gain, gain))
+    mean = left_out.mean.gain(max(one.lasers for one in left_out.planes))
+    return JudgedCalibration(unit, HoldOut(tuple(held_out), mean, mean), np.zeros(lasers))
+
+
+def relative_std(unit: UnitCalibration) -> Array:
+    """Standard deviations of corrections relative to their mean over the observed lasers.
+
+    A recording without a survey hardly shows that mean. It is the same for all lasers, so that it
+    does not make a plane thicker.
+
+    Parameters
+    ----------
+    unit : UnitCalibration
+
+    Returns
+    -------
+    ndarray, shape (lasers, 3)
+        In the order of `NAMES`; NaN for a laser that was not observed.
+    """
+    seen = unit.calibration.observed
+    n = int(seen.sum())
+    own = np.diagonal(unit.calibration.covariance, axis1=1, axis2=2)[:, : len(NAMES)]
+    shared = unit.shared[seen]
+    # The covariance between lasers is shared[k] @ shared[l].T; that of a laser with itself is more.
+    alone = own[seen] - (shared**2).sum(axis=2)
+    centre = shared.mean(axis=0)
+    variance = ((shared - centre) ** 2).sum(axis=2) + alone * (1.0 - 2.0 / n)
+    found = np.full((len(seen), len(NAMES)), np.nan)
+    found[seen] = np.sqrt(np.maximum(variance + alone.sum(axis=0) / n**2, 0.0))
+    return found
+
+
+def _datum(unit: UnitCalibration) -> list[str]:
+    """Say in words and numbers what a calibration without a survey cannot know."""
+    common = {one.name: one for one in unit.common}
+    near, far = unit.range_limits_m
+    relative = np.sqrt(np.nanmean(relative_std(unit)[:, NAMES.index("dl")] ** 2))
+    said = (
+        "without a survey a common correction of the distances of all lasers is hardly seen: "
+        f"it is {common['dl'].value * 1e3:.1f} mm here, with a standard deviation of "
+        f"{common['dl'].std * 1e3:.1f} mm; relative to it the distance of a laser is known to "
+        f"{relative * 1e3:.1f} mm"
+    )
+    turned = "a common correction of alpha is a turn of the scanner frame and stays at zero"
+    ranges = (
+        f"the planes lie at {near:.1f} to {far:.1f} m; at other ranges the corrections are not "
+        "tested"
+    )
+    return [said, turned, ranges]
 
 
 def _loose(plane: FieldPlane, points: Array) -> Array:

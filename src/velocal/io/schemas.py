@@ -67,6 +67,14 @@ ASSIGNED = _schema(
     ],
 )
 
+MEMBERS = _schema(
+    "members",
+    [
+        _field("row", pa.uint32(), "1", "row of the median in the table of medians"),
+        _field("plane", pa.uint8(), "1", "plane that it lies on, index into metadata `planes`"),
+    ],
+)
+
 RESIDUALS = _schema(
     "residuals",
     [

@@ -86,6 +86,25 @@ class OutdoorFigure:
 
 
 @dataclass(frozen=True)
+class UnsurveyedUnit:
+    """A calibration without a survey.
+
+    Attributes
+    ----------
+    name : str
+        Scanner and name of the calibration.
+    more : DataFrame
+        What one more plane would bring.
+    png : bytes
+        Picture of the corrections and of the planes that were left out.
+    """
+
+    name: str
+    more: pd.DataFrame
+    png: bytes
+
+
+@dataclass(frozen=True)
 class Study:
     """What a study has found; whatever is empty has no section.
 
@@ -119,6 +138,8 @@ class Study:
         Planes of the recordings without a survey.
     field_pictures : mapping of str to bytes
         PNG pictures of these recordings, by sample.
+    unsurveyed_units : sequence of UnsurveyedUnit
+        Calibrations without a survey.
     certificates : sequence of Certificate
         Of the calibrations of units.
     methods : DataFrame or None
@@ -147,6 +168,7 @@ class Study:
     factories: Mapping[str, LaserParameters] = field(default_factory=dict)
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
+    unsurveyed_units: Sequence[UnsurveyedUnit] = ()
     certificates: Sequence[Certificate] = ()
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
@@ -211,6 +233,10 @@ def render(study: Study) -> str:
         "methods": methods.section(study.methods),
         "outdoor": panels.section(study.outdoor),
         "field": _plain(study.field_table),
+        "unsurveyed": [
+            {"name": unit.name, "more": _plain(unit.more), "png": unit.png}
+            for unit in study.unsurveyed_units
+        ],
         "versions": provenance.versions(),
         "quantities": QUANTITIES,
         "tests": COMPLIES,

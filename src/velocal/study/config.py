@@ -26,7 +26,7 @@ from velocal.study.model import (
     fault,
 )
 from velocal.study.outputs import Export, Validation
-from velocal.study.planes import Box, Panel, PanelFit, PlaneSearch
+from velocal.study.planes import Box, Judged, Panel, PanelFit, PlaneSearch
 from velocal.study.reduction import Assignment, Reduction
 from velocal.study.samples import MAX_MISSING
 
@@ -168,6 +168,17 @@ class Unsurveyed(Section):
         "sample without any, planes are searched for",
     )
     search: PlaneSearch = Field(description="search for planes where no patch is given")
+    calibrations: dict[ScannerName, Annotated[dict[SetName, Names], Field(min_length=1)]] = Field(
+        default={},
+        description="samples of one unit on whose planes lasers and planes are adjusted together; "
+        "the files lie where those of the other `calibrations` lie",
+    )
+    judged: Judged = Field(
+        default=Judged(),
+        description="planes that these calibrations are only judged on; if it is left out, all "
+        "are adjusted on, and every sample (every plane where there is one sample) is left out "
+        "once to judge the result",
+    )
 
 
 def _placed(content: Any, folder: str) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
+
+from pydantic import Field, model_validator
 
 from velocal.study.model import (
     AcuteAngle,
@@ -10,6 +12,8 @@ from velocal.study.model import (
     Positive,
     Section,
     Span,
+    Text,
+    fault,
 )
 
 
@@ -54,3 +58,24 @@ class PlaneSearch(Section):
         description="largest angle between beam and normal; holds for patches too"
     )
     seed: int = Field(ge=0, description="seed of the random search")
+
+
+class Judged(Section):
+    """Planes that calibrations without a survey are only judged on."""
+
+    names: Annotated[tuple[Text, ...], Field(strict=False)] = Field(
+        default=(),
+        description="samples, or planes as `sample/plane`, that nothing is adjusted on",
+    )
+    share: Annotated[float, Field(gt=0.0, lt=1.0)] | None = Field(
+        default=None,
+        description="share of the planes, drawn at random, that nothing is adjusted on; given "
+        "instead of `names`",
+    )
+    seed: int = Field(default=1, ge=0, description="seed of that draw")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Judged:
+        if self.names and self.share is not None:
+            raise fault("both `names` and `share` are given", hint="Leave out one of them.")
+        return self

@@ -27,6 +27,7 @@ from velocal.study.reduction import Assignment
 from velocal.study.samples import (
     NOMINAL,
     OutdoorSample,
+    Row,
     SurveyedSample,
     UnsurveyedSample,
     read_samples,
@@ -82,8 +83,23 @@ class Study:
 
     @property
     def calibration_names(self) -> list[tuple[str, str]]:
-        """Scanner and name of every calibration of a unit."""
-        return [(scanner, name) for scanner, sets in self.calibrations.items() for name in sets]
+        """Scanner and name of every calibration of a unit, those without a survey at the end."""
+        return [
+            (scanner, name)
+            for calibrations in (self.calibrations, self.unsurveyed_calibrations)
+            for scanner, sets in calibrations.items()
+            for name in sets
+        ]
+
+    @property
+    def unsurveyed_calibrations(self) -> Mapping[str, Mapping[str, tuple[str, ...]]]:
+        """Samples of every calibration without a survey, by scanner."""
+        return self.config.unsurveyed.calibrations if self.config.unsurveyed else {}
+
+    def calibrated_on(self, scanner: str, name: str) -> tuple[str, ...]:
+        """Samples of a calibration of a unit, with or without a survey."""
+        surveyed = self.calibrations.get(scanner, {})
+        return surveyed[name] if name in surveyed else self.unsurveyed_calibrations[scanner][name]
 
     @property
     def assignment(self) -> Assignment:
@@ -266,7 +282,8 @@ def _check_scanners(study: Study, where: str) -> None:
         ("reduction.azimuth_bin_deg", study.config.reduction.azimuth_bin_deg, all_of_them),
         ("parameter_sets", study.parameter_sets, study.scanners),
         ("calibrations", study.calibrations, study.scanners),
-        ("serials", study.config.serials, study.scanners),
+        ("unsurveyed.calibrations", study.unsurveyed_calibrations, all_of_them),
+        ("serials", study.config.serials, all_of_them),
     ):
         for scanner in named:
             if scanner not in known:
@@ -302,6 +319,7 @@ def _check_selections(study: Study, where: str) -> None:
                     where=where,
                     hint="Their files lie in one folder: choose another name.",
                 )
+    _check_unsurveyed_calibrations(study, where)
     for key, table in config.tables.items():
         _check_names(study, f"tables.{key}", table.scanner, table.samples, where)
     for number, figure in config.figures.items():
@@ -324,12 +342,54 @@ def _check_selections(study: Study, where: str) -> None:
         _check_methods(study, config.methods, where)
 
 
-def _check_names(study: Study, key: str, scanner: str, samples: Iterable[str], where: str) -> None:
-    """Check that a key names surveyed samples of one scanner."""
-    known = [name for name, sample in study.surveyed.items() if sample.scanner == scanner]
+def _check_unsurveyed_calibrations(study: Study, where: str) -> None:
+    """Check that calibrations without a survey are of one unit, and have names of their own."""
+    if study.config.unsurveyed is None:
+        return
+    surveyed = {
+        name
+        for sets in (*study.parameter_sets.values(), *study.calibrations.values())
+        for name in sets
+    }
+    for scanner, sets in study.unsurveyed_calibrations.items():
+        for name, samples in sets.items():
+            key = f"unsurveyed.calibrations.{scanner}.{name}"
+            _check_names(study, key, scanner, samples, where, study.unsurveyed)
+            if name in surveyed:
+                raise ConfigError(
+                    f"{key}: another calibration or parameter set has this name",
+                    where=where,
+                    hint="Choose another name.",
+                )
+            if len({study.unsurveyed[sample].calibration for sample in samples}) > 1:
+                raise ConfigError(
+                    f"{key}: its samples name different calibration files",
+                    where=where,
+                    hint="Calibrate two units of one model one by one.",
+                )
+    for name in study.config.unsurveyed.judged.names:
+        if name.partition("/")[0] not in study.unsurveyed:
+            raise ConfigError(
+                f"unsurveyed.judged.names: no sample {name.partition('/')[0]!r}",
+                where=where,
+                allowed=", ".join(study.unsurveyed),
+            )
+
+
+def _check_names(
+    study: Study,
+    key: str,
+    scanner: str,
+    samples: Iterable[str],
+    where: str,
+    among: Mapping[str, Row] | None = None,
+) -> None:
+    """Check that a key names samples of one scanner, surveyed ones unless others are given."""
+    given = study.surveyed if among is None else among
+    known = [name for name, sample in given.items() if sample.scanner == scanner]
     for name in samples:
         if name not in known:
-            other = study.surveyed.get(name)
+            other = given.get(name)
             what = (
                 f"sample {name!r} is of {other.scanner!r}, not of {scanner!r}"
                 if other

@@ -1,8 +1,9 @@
-"""A ready folder for a user's own study, from the templates in `data/study`."""
+"""A ready folder for a user's own study, from the templates in `data`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -19,7 +20,13 @@ CAPTURES = "captures"
 FACTORY = "factory.xml"
 
 
-def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) -> list[Path]:
+def write_study(
+    folder: Path,
+    scanner: Scanner,
+    positions: int,
+    workflow: Path,
+    recordings: Sequence[Path] | None = None,
+) -> list[Path]:
     """Write the files of a study, none of which may exist.
 
     Parameters
@@ -28,9 +35,12 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         Is made where it does not exist.
     scanner : Scanner
     positions : int
-        Positions of the scanner, one recording each.
+        Surveyed positions of the scanner, one recording each.
     workflow : Path
         Snakefile of the workflow.
+    recordings : sequence of Path, optional
+        Captures of a study without a survey; where none is given, its table names `positions`
+        captures that are still to be recorded. If left out, the study has a survey.
 
     Returns
     -------
@@ -40,13 +50,20 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
     Raises
     ------
     ConfigError
-        If a file exists, or the workflow does not.
+        If a file exists, or the workflow or a recording does not.
     """
+    for path in recordings or ():
+        if not path.is_file():
+            raise ConfigError(
+                "there is no such file", where=str(path), hint="Name a capture with --recording."
+            )
     if not workflow.is_file():
         raise ConfigError(
             f"there is no workflow at {str(workflow)!r}",
             hint="Name the checkout of velocal with --checkout.",
         )
+    samples = [f"sample{number + 1}" for number in range(len(recordings or ()) or positions)]
+    captures = [str(path.resolve()) for path in recordings or ()]
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     values = {
         "workflow": json.dumps(str(workflow.resolve())),
@@ -54,14 +71,17 @@ def write_study(folder: Path, scanner: Scanner, positions: int, workflow: Path) 
         "scanners": ", ".join(SCANNERS),
         "origin_height_m": scanner.origin_height_m,
         "azimuth_bin_deg": scanner.azimuth_bin_ticks / 100,
-        "samples": [f"sample{number + 1}" for number in range(positions)],
+        "captures": CAPTURES,
+        "samples": samples,
+        "recordings": list(zip(samples, captures or [f"{n}.pcap" for n in samples], strict=True)),
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
         "calibration": FACTORY if scanner.has_factory_file else "nominal",
     }
+    kind = "surveyed" if recordings is None else "unsurveyed"
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)
-        for name, source in _templates(resources.files("velocal.study") / "data").items()
+        for name, source in _templates(resources.files("velocal.study") / "data" / kind).items()
     }
     for path in texts:
         if path.exists():

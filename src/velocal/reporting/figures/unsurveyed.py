@@ -10,12 +10,26 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from velocal.arrays import Array
+from velocal.evaluation.holdout import LEVEL, JudgedCalibration
+from velocal.evaluation.unsurveyed import relative_std
 from velocal.io.markup import markdown_table
-from velocal.reporting.style import COLOURS, centred, finish, laser_axis, metres, reference, style
+from velocal.reporting.style import (
+    COLOURS,
+    GREY,
+    centred,
+    finish,
+    laser_axis,
+    metres,
+    reference,
+    style,
+)
 from velocal.scanner.models import scanner_named
 
+#: Half width of an interval in standard deviations.
+_QUANTILE = float(ndtri(0.5 + LEVEL / 2.0))
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
 
@@ -152,6 +166,74 @@ def _per_laser(
     largest = float(np.nanmax(lasers[column])) if lasers[column].notna().any() else 0.0
     ax.set_ylim(0.0, 1.08 * max(largest, sigma_cm))
     ax.set_ylabel("std of s [cm]")
+
+
+def field_calibration(found: JudgedCalibration, title: str) -> Figure:
+    """Draw the corrections of a calibration without a survey, and what planes left out say of it.
+
+    Parameters
+    ----------
+    found : JudgedCalibration
+        Its parts that were held out are planes.
+    title : str
+
+    Returns
+    -------
+    Figure
+        Above: correction of the distance by laser with its interval of 95 %, both relative to
+        the mean over the lasers, which such a calibration hardly knows. Below: standard deviation
+        of s of every plane that was left out, before and after.
+    """
+    calibration = found.unit.calibration
+    with style():
+        figure = Figure(figsize=(9.0, 5.4))
+        above, below = figure.subplots(2, 1, gridspec_kw={"height_ratios": (1.0, 1.1)})
+        seen = np.flatnonzero(calibration.observed)
+        above.axhline(0.0, color=GREY, linewidth=0.8)
+        dl = calibration.corrections[seen, 0]
+        above.errorbar(
+            seen + 1, (dl - dl.mean()) * 1e2,
+            yerr=_QUANTILE * relative_std(found.unit)[seen, 0] * 1e2,
+            fmt="o", markersize=3.6, linewidth=1.0, color=COLOURS[0],
+        )  # fmt: skip
+        laser_axis(above, len(calibration))
+        above.set_xlabel("laser")
+        above.set_ylabel("dl - mean [cm]")
+        above.set_title(
+            "correction of the distance relative to the mean of all lasers, 95 % interval"
+        )
+        parts = found.hold_out.parts
+        names = [f"{part.station}\n{part.plane}" for part in parts]
+        at = np.arange(len(parts))
+        for shift, name, values in (
+            (-0.12, "before", [part.total.before_m for part in parts]),
+            (0.12, "after", [part.total.after_m for part in parts]),
+        ):
+            # The interval is that of the gain: it belongs to the value after.
+            spread = None
+            if name == "after":
+                spread = [
+                    [(part.total.high_m - part.total.gain_m) * 1e2 for part in parts],
+                    [(part.total.gain_m - part.total.low_m) * 1e2 for part in parts],
+                ]
+            below.errorbar(
+                at + shift, np.array(values) * 1e2, yerr=spread, fmt="so"[name == "after"],
+                markersize=4.6, linewidth=1.0, label=name,
+                color=GREY if name == "before" else COLOURS[0],
+            )  # fmt: skip
+        below.set_xticks(at, names)
+        below.set_xlim(-0.6, max(len(parts) - 0.4, 0.6))
+        below.set_ylim(bottom=0.0)
+        below.set_ylabel("std of s [cm]")
+        below.set_title("planes that were left out: lasers about their common plane")
+        total = found.hold_out.total
+        said = found.hold_out.verdict.value
+        if total:
+            said += (
+                f" on planes left out ({total.before_m * 1e2:.2f} to {total.after_m * 1e2:.2f} cm)"
+            )
+        finish(figure, [below], f"{title}: {said}", ncols=2)
+    return figure
 
 
 def field_markdown(table: pd.DataFrame) -> str:

@@ -1,15 +1,12 @@
 """Adjust all lasers, stations and planes of a unit together, and export the calibration."""
 
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from velocal import __version__
 from velocal.calibration.files import formats
 from velocal.chain import calibrate_unit
 from velocal.evaluation.holdout import to_columns
-from velocal.exports import as_file, write_calibration
+from velocal.exports import write_calibration_files
 from velocal.io import schemas, storage
 from velocal.io.plain import to_plain
 from velocal.io.scripts import run
@@ -66,17 +63,17 @@ def main(
         "medians": ["/".join(path.parts[-2:]) for path in medians],
         "factory": calibration.name if calibration else "nominal",
     }
-    for path in (csv, json):
-        formats.write(path, as_file(found, known, {"velocal": __version__, **sources}))
-    rate_hz = round(float(np.median(rates_hz)), 3)
-    for path, program in ((yaml, export.yaml), (xml, export.xml), (decoder, DECODER)):
-        write_calibration(
-            path, found, known, program=program, distance=export.distance, rate_hz=rate_hz
-        )
+    write_calibration_files(
+        found,
+        known,
+        ours=(csv, json),
+        programs=((yaml, export.yaml), (xml, export.xml), (decoder, DECODER)),
+        distance=export.distance,
+        rates_hz=rates_hz,
+        provenance={"velocal": __version__, **sources},
+    )
     storage.write_json(judged, to_plain(found))
-    table: dict[str, Any] = {**found.unit.calibration.to_columns()}
-    shares = zip(found.unit.calibration.names, found.unit.determined.T, strict=True)
-    storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})
+    storage.write_csv(lasers, found.unit.to_columns())
     storage.write_csv(hold_out, to_columns(found.hold_out))
 
 

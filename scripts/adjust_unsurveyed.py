@@ -1,7 +1,6 @@
 """Adjust all lasers of a unit and planes that nobody surveyed together, and export the result."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +19,7 @@ from velocal.evaluation.unsurveyed import (
     relative_std,
     unsurveyed_settings,
 )
-from velocal.exports import as_file, write_calibration
+from velocal.exports import write_calibration_files
 from velocal.io import schemas, storage
 from velocal.io.plain import to_plain
 from velocal.io.scripts import run
@@ -29,7 +28,7 @@ from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
 from velocal.study.adjustment import Joint
-from velocal.study.outputs import Export
+from velocal.study.outputs import DECODER, Export
 from velocal.study.planes import Judged
 
 
@@ -42,6 +41,7 @@ def main(
     json: Path,
     yaml: Path,
     xml: Path,
+    decoder: Path,
     judged: Path,
     lasers: Path,
     hold_out: Path,
@@ -61,10 +61,11 @@ def main(
     """
     known = scanner_named(scanner)
     factory = formats.read_or_nominal(calibration, known)
-    recordings = []
+    recordings, rates_hz = [], []
     for name, path, on_planes in zip(samples, medians, members, strict=True):
         columns, facts = storage.read_table(path, schemas.MEDIANS)
         beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
+        rates_hz.append(facts["rotation_rate_hz"])
         cloud = points_of(beams, factory, joint.near_points)
         rows, planes = storage.read_table(on_planes, schemas.MEMBERS)
         found = (
@@ -87,16 +88,19 @@ def main(
         "medians": ["/".join(path.parts[-2:]) for path in medians],
         "factory": calibration.name if calibration else "nominal",
     }
-    for path in (csv, json):
-        formats.write(path, as_file(result, known, {"velocal": __version__, **sources}))
-    for path, program in ((yaml, export.yaml), (xml, export.xml)):
-        write_calibration(path, result, known, program=program, distance=export.distance)
+    write_calibration_files(
+        result,
+        known,
+        ours=(csv, json),
+        programs=((yaml, export.yaml), (xml, export.xml), (decoder, DECODER)),
+        distance=export.distance,
+        rates_hz=rates_hz,
+        provenance={"velocal": __version__, **sources},
+    )
     storage.write_json(judged, to_plain(result))
-    table: dict[str, Any] = {**result.unit.calibration.to_columns()}
-    shares = zip(result.unit.calibration.names, result.unit.determined.T, strict=True)
     relative = zip(NAMES, relative_std(result.unit).T, strict=True)
-    table |= {f"{name}_relative_std": each for name, each in relative}
-    storage.write_csv(lasers, table | {f"{name}_from_data": each for name, each in shares})
+    table = result.unit.to_columns() | {f"{name}_relative_std": each for name, each in relative}
+    storage.write_csv(lasers, table)
     storage.write_csv(hold_out, to_columns(result.hold_out))
     save(field_calibration(result, f"{scanner}, {unit}"), svg, png)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -167,6 +167,40 @@ def write_calibration(
         rotation_rate_hz=rate_hz if turned else None,
     )
     formats.write(Path(path), stated)
+
+
+def write_calibration_files(
+    found: JudgedCalibration,
+    scanner: Scanner,
+    *,
+    ours: Sequence[Path],
+    programs: Sequence[tuple[Path, str]],
+    distance: Distance,
+    rates_hz: Sequence[float],
+    provenance: Mapping[str, object],
+) -> None:
+    """Write a calibration in every format, and for every program.
+
+    Parameters
+    ----------
+    found : JudgedCalibration
+    scanner : Scanner
+    ours : sequence of Path
+        CSV and JSON with all that is known.
+    programs : sequence of (Path, str)
+        Files for programs, with the names of these.
+    distance : {"safe", "single"}
+        See `for_driver`.
+    rates_hz : sequence of float
+        Rotation rates of the recordings; the files are made for their median.
+    provenance : mapping of str to object
+        Where the numbers come from.
+    """
+    for path in ours:
+        formats.write(path, as_file(found, scanner, provenance))
+    rate_hz = round(float(np.median(rates_hz)), 3)
+    for path, program in programs:
+        write_calibration(path, found, scanner, program=program, distance=distance, rate_hz=rate_hz)
 
 
 def fades(dialect: str) -> bool:

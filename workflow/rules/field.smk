@@ -76,6 +76,7 @@ rule adjust_unsurveyed:
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
         yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.yaml",
         xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.xml",
+        decoder=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.velodyne_decoder.yaml",
         judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
         lasers=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.csv",
         hold_out=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.hold_out.csv",

@@ -241,6 +241,11 @@ class UnitCalibration:
             found[one.laser_id] = (*found.get(one.laser_id, ()), one.name)
         return found
 
+    def to_columns(self) -> dict[str, Array]:
+        """Columns of a table of the lasers: `CalibrationSet.to_columns` and the shares."""
+        shares = zip(self.calibration.names, self.determined.T, strict=True)
+        return self.calibration.to_columns() | {f"{name}_from_data": each for name, each in shares}
+
     def sigma(self, name: str) -> float:
         """Value of a component of the population."""
         return next(one.value for one in self.population if one.name == name)

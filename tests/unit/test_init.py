@@ -50,7 +50,7 @@ def test_untouched_it_is_a_valid_study(scanner, positions, tmp_path, monkeypatch
 
 def test_next_steps_are_told(tmp_path):
     done = init(tmp_path / "s", "--scanner", "HDL-64E")
-    for part in ("1. ", "2. ", "3. ", "snakemake --cores", "factory.xml", "report.html"):
+    for part in ("1. ", "2. ", "3. ", "velocal run --cores", "factory.xml", "report.html"):
         assert part in done.output
 
 

@@ -1,4 +1,4 @@
-# What makes a job run again; no rules.
+# What makes a job run again, and one run at a time; no rules.
 #
 # Snakemake compares the times of files, the params and the script of a job with those of its last
 # run. The functions here let it see all else: modules of the library, files of an older time, and
@@ -12,6 +12,14 @@ from velocal.io.provenance import library_digest
 from velocal.study.files import given_files
 
 GIVEN = given_files(STUDY)
+
+
+# `velocal run` has begun already. This is not called in a dry run and in jobs.
+onstart:
+    try:
+        run_lock.begin(RESULTS, logger.warning)
+    except VelocalError as error:
+        raise WorkflowError(str(error)) from None
 
 
 def complete(rules):

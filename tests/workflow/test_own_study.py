@@ -246,6 +246,20 @@ def test_a_missing_result_is_made_again(finished):
     assert {"adjust_survey", "assign_medians", "write_report"} <= rules
 
 
+def test_a_setting_of_checks_and_adjustment(finished):
+    """Before, the checks ran again and hid that the adjustment had to run too: exit code 0."""
+    calibration = f"results/calibrations/{SCANNER}/all.json"
+    config, before = (finished / "config.yaml").read_text(), digests(finished)
+    fill_in(finished / "config.yaml", ("edge_cm: 5 ", "edge_cm: 9 "))
+    done = velocal_run(finished, "--cores", "2", calibration)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished)[calibration] != before[calibration]
+    (finished / "config.yaml").write_text(config)
+    done = velocal_run(finished, "--cores", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished) == before
+
+
 def digests(folder):
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()

@@ -63,6 +63,16 @@ def identity(path):
     return f"{found.bytes}:{found.digest}:{time}"
 
 
+def after_checks(wildcards):
+    """Findings on the survey, as input of jobs that wait for the checks but do not change with them.
+
+    While checks have to run, Snakemake does not look whether a job behind them has another reason
+    to run; with `ancient` alone it would leave such a job out, and its old results would pass for
+    new ones. Behind a checkpoint it looks again when the checks are done.
+    """
+    return ancient(checkpoints.check_survey.get().output.checks)
+
+
 def with_all_before(targets):
     """Files, and every file that is made on the way to them.
 

@@ -31,7 +31,7 @@ help: ## show this list
 	@echo "Settings: CORES=$(CORES) PYTHON=$(PYTHON)"
 
 results: $(INSTALLED) ## run the study: tables, figures, parameter sets and report in results/
-	$(RUN) snakemake --cores $(CORES)
+	$(RUN) velocal run --cores $(CORES)
 	@$(CHECK_PAGES) "make results"
 
 # Recordings and results together need this space; what an earlier run left there is already counted.
@@ -42,22 +42,22 @@ paper: $(INSTALLED) ## run the study with recordings of five minutes in results-
 	    there = sum(p.stat().st_size for p in pathlib.Path("results-paper").rglob("*") if p.is_file()); \
 	    free = (shutil.disk_usage(".").free + there) / 1e9; \
 	    sys.exit(0 if free >= $(PAPER_GB) else f"error: only {free:.1f} GB are free here. Hint: free some space, or run make results, which needs 1.2 GB")'
-	$(RUN) snakemake --cores $(CORES) --configfile config/config.yaml config/five_minutes.yaml
+	$(RUN) velocal run --cores $(CORES) --configfile config/config.yaml config/five_minutes.yaml
 
 coverage: $(INSTALLED) ## check how often stated intervals contain the simulated truth: results/methods/coverage.csv
-	$(RUN) snakemake --cores $(CORES) coverage
+	$(RUN) velocal run --cores $(CORES) coverage
 	@$(CHECK_PAGES) "make coverage"
 
 seeds: $(INSTALLED) ## run the study for 20 seeds at reduced cost: results/seeds/agreement.csv
-	$(RUN) snakemake --cores $(CORES) results/seeds/agreement.csv
+	$(RUN) velocal run --cores $(CORES) results/seeds/agreement.csv
 	@$(CHECK_PAGES) "make seeds"
 
 pages: $(INSTALLED) ## make all results that README.md and docs/ show, and write their numbers there
-	$(RUN) snakemake --cores $(CORES) all coverage results/seeds/agreement.csv
+	$(RUN) velocal run --cores $(CORES) all coverage results/seeds/agreement.csv
 	@$(BIN)/python -m velocal.reporting.pages
 
 field: $(INSTALLED) ## run the workflow on recordings without a survey: config/unsurveyed.yaml
-	$(RUN) snakemake --cores $(CORES) --configfile config/unsurveyed.yaml
+	$(RUN) velocal run --cores $(CORES) --configfile config/unsurveyed.yaml
 
 test: lint ## run all checks, then all tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \

@@ -138,6 +138,10 @@ class OutputError(VelocalError):
     """A file cannot be written, or must not be: it is an input, exists, or is no regular file."""
 
 
+class RunError(VelocalError):
+    """A run of the workflow cannot begin, or has ended before one of its jobs."""
+
+
 class ScriptError(VelocalError):
     """A rule of the workflow and its script do not agree on names or types."""
 

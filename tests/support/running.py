@@ -1,6 +1,7 @@
 """Real Snakemake runs in a temporary copy of the project: the checkout's results stay untouched."""
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -25,19 +26,41 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run Snakemake in a copy of the project, with the library of that copy."""
+def environment(folder: Path) -> dict[str, str]:
+    """Environment of a run in a copy of the project: with the library of that copy."""
     paths = [str(folder / "src"), os.environ.get("PYTHONPATH", "")]
-    environment = os.environ | {
+    return os.environ | {
         "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
+
+
+def snakemake(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Snakemake in a copy of the project."""
+    return completed(folder, "snakemake", *arguments)
+
+
+def velocal_run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`velocal run` in the folder of a study."""
+    return completed(folder, "velocal.cli", "run", *arguments)
+
+
+def completed(
+    folder: Path, *command: str, max_file_bytes: int | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a module of Python in a folder to its end; no file may become larger than the limit."""
+
+    def limit() -> None:
+        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (max_file_bytes, hard))
+
     return subprocess.run(
-        [sys.executable, "-m", "snakemake", *arguments],
+        [sys.executable, "-m", *command],
         cwd=folder,
-        env=environment,
+        env=environment(folder),
         capture_output=True,
         text=True,
         check=False,
         timeout=1200,
+        preexec_fn=None if max_file_bytes is None else limit,
     )

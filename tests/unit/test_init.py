@@ -71,7 +71,7 @@ def test_a_missing_capture_is_told(tmp_path):
 
 def test_next_steps_are_told(tmp_path):
     done = init(tmp_path / "s", "--scanner", "HDL-64E")
-    for part in ("1. ", "2. ", "3. ", "snakemake --cores", "factory.xml", "report.html"):
+    for part in ("1. ", "2. ", "3. ", "velocal run --cores", "factory.xml", "report.html"):
         assert part in done.output
 
 

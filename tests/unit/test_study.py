@@ -1,6 +1,8 @@
 """Configurations and sample tables: every fault is one message: where, and what is allowed."""
 
 import copy
+import os
+import time
 
 import pytest
 import yaml
@@ -9,7 +11,7 @@ from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, load, read
 from velocal.study.config import StudyConfig
-from velocal.study.files import check_files
+from velocal.study.files import check_files, check_times, given_files
 from velocal.study.model import validated
 from velocal.study.reading import read_yaml
 from velocal.study.samples import OutdoorSample, SurveyedSample, UnsurveyedSample, read_samples
@@ -31,6 +33,23 @@ def test_the_study_is_sound(config):
     assert study.positions == {"P1": "HDL-64E", "P2": "HDL-64E", "P5": "HDL-32E", "P6": "HDL-32E"}
     assert study.surveyed["sa1"].windows == ("beginning", "middle", "end")
     check_files(study, "config")
+
+
+def test_files_that_are_given(config):
+    """Only the world: all other files of the study are made from it."""
+    assert given_files(read_study(config, "config")) == {"config/world.yaml": "simulation.world"}
+
+
+def test_a_result_with_a_time_in_the_future(tmp_path):
+    check_times(tmp_path / "not there yet")
+    path = tmp_path / "survey" / "x.csv"
+    path.parent.mkdir()
+    path.touch()
+    check_times(tmp_path)
+    os.utime(path, (time.time() + 100,) * 2)
+    with pytest.raises(ConfigError, match=r"x.csv: its time is in the future: \d{4}-") as caught:
+        check_times(tmp_path)
+    assert f"find {tmp_path} -newermt now -delete" in str(caught.value.hint)
 
 
 def test_every_scanner_is_calibrated(config):

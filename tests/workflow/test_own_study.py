@@ -4,13 +4,19 @@ The files are simulated, but nothing that runs knows: they lie in a folder of th
 the sheet, and the configuration has no simulated world.
 """
 
+import hashlib
+import os
+import re
+import signal
+import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 from support.capture import pcap_head, pcap_packet
 from support.chain import study_world
-from support.running import ROOT, snakemake
+from support.running import ROOT, completed, environment, snakemake, velocal_run
 
 from velocal.calibration.files import formats
 from velocal.recording.scan import inspect
@@ -20,12 +26,12 @@ from velocal.survey.targets import write_targets
 
 pytestmark = pytest.mark.workflow
 
+#: A time before that of every result, as `cp -p` or `rsync -t` may give it to a file.
+OLD_S = 1e9
 SCANNER, POSITION, ROTATIONS = "HDL-32E", "P5", 12
 
 
 def velocal_init(folder, *arguments):
-    import subprocess
-
     command = [sys.executable, "-m", "velocal.cli", "init", str(folder), "--checkout", str(ROOT)]
     done = subprocess.run([*command, *arguments], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -57,11 +63,10 @@ def fill_in(path, *changes):
     path.write_text(text)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("user") / "my scanner"
+def filled_in(folder):
+    """The folder of a study, ready to run."""
     said = velocal_init(folder, "--scanner", SCANNER, "--positions", "1")
-    assert "snakemake --cores 2" in said
+    assert "velocal run --cores 2" in said
     hand_over(folder)
     fill_in(
         folder / "samples.tsv",
@@ -78,7 +83,13 @@ def finished(tmp_path_factory):
     )
     config = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(config.replace("samples: [sample1]", "samples: [monday]"))
-    done = snakemake(folder, "--cores", "2")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = filled_in(tmp_path_factory.mktemp("user") / "my scanner")
+    done = velocal_run(folder, "--cores", "2")
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
@@ -146,14 +157,18 @@ def test_a_wrong_survey_stops_the_run(finished):
     cells = [row.split(",") for row in rows]
     exchanged = [",".join([*row[:2], row[3], row[2], *row[4:]]) for row in cells]
     sheet.write_text("\n".join([head, *exchanged, ""]))
-    done = snakemake(finished, "--cores", "2")
-    said = done.stdout + done.stderr
-    assert done.returncode == 1
-    assert "nothing is exported" in said
-    assert "It looks as if X and Y of the base are exchanged" in said
-    assert "Traceback" not in said
-    assert calibration.read_bytes() == before
+    os.utime(sheet, (OLD_S, OLD_S))
+    # The second run must not take what was made before the change for up to date.
+    for _ in range(2):
+        done = snakemake(finished, "--cores", "2")
+        said = done.stdout + done.stderr
+        assert done.returncode == 1
+        assert "nothing is exported" in said
+        assert "It looks as if X and Y of the base are exchanged" in said
+        assert "Traceback" not in said
+        assert calibration.read_bytes() == before
     sheet.write_text(right)
+    os.utime(sheet, (OLD_S, OLD_S))
     done = snakemake(finished, "--cores", "2")
     assert done.returncode == 0, done.stderr
     assert "Warning: scanner HDL-32E: there is one position only" in done.stdout + done.stderr
@@ -168,3 +183,168 @@ def test_untouched_templates_say_what_is_missing(tmp_path):
     assert "Hint: Put it there, or name another" in said
     assert "Traceback" not in said
     assert not (tmp_path / "study/results").exists()
+
+
+def planned(folder, *arguments):
+    """Rules of the jobs of a dry run."""
+    done = velocal_run(folder, "--cores", "2", "--dry-run", *arguments)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return set(re.findall(r"^(?:local)?rule (\w+):", done.stdout + done.stderr, flags=re.MULTILINE))
+
+
+#: Files that people change, how, and the first rule that must run again.
+GIVEN = {
+    "survey/base_field.csv": (lambda content: content + b"\n", "adjust_survey"),
+    "factory.xml": (lambda content: content.replace(b"</boost", b"\n</boost"), "adjust_unit"),
+    "captures/monday.pcap": (lambda content: content[: len(content) // 2], "index_recording"),
+}
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_file_with_an_older_time(finished, name):
+    """Times alone would say that there is nothing to be done."""
+    change, rule = GIVEN[name]
+    path, content = finished / name, (finished / name).read_bytes()
+    changed = change(content)
+    assert changed != content
+    try:
+        path.write_bytes(changed)
+        os.utime(path, (OLD_S, OLD_S))
+        assert {rule, "write_report"} <= planned(finished)
+    finally:
+        path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("survey/planes.csv", "Hint: Set it to now: touch survey/planes.csv"),
+        ("results/survey/checks.csv", "Hint: Correct the clock of this machine"),
+    ],
+)
+def test_a_time_in_the_future(finished, name, message):
+    """Before, a run failed in the middle, and the next one said that nothing was to be done."""
+    path = finished / name
+    before = path.stat()
+    os.utime(path, (time.time() + 9999,) * 2)
+    done = velocal_run(finished, "--cores", "2")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert f"{name}: its time is in the future" in said
+    assert message in said
+    assert "Traceback" not in said
+
+
+def test_a_missing_result_is_made_again(finished):
+    """Also in the middle, where a job that failed has left none."""
+    missing = finished / f"results/survey/{POSITION}.json"
+    content = missing.read_bytes()
+    missing.unlink()
+    rules = planned(finished)
+    missing.write_bytes(content)
+    assert {"adjust_survey", "assign_medians", "write_report"} <= rules
+
+
+def test_a_setting_of_checks_and_adjustment(finished):
+    """Before, the checks ran again and hid that the adjustment had to run too: exit code 0."""
+    calibration = f"results/calibrations/{SCANNER}/all.json"
+    config, before = (finished / "config.yaml").read_text(), digests(finished)
+    fill_in(finished / "config.yaml", ("edge_cm: 5 ", "edge_cm: 9 "))
+    done = velocal_run(finished, "--cores", "2", calibration)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished)[calibration] != before[calibration]
+    (finished / "config.yaml").write_text(config)
+    done = velocal_run(finished, "--cores", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished) == before
+
+
+def digests(folder):
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted((folder / "results").rglob("*"))
+        if path.is_file() and "logs" not in path.parts
+    }
+
+
+def begun(folder):
+    """A run in a process group of its own, and in the middle of a job."""
+    for name in ("statistics/validation", "tables"):
+        for path in (folder / "results" / name).rglob("*.*"):
+            path.unlink()
+    command = [sys.executable, "-m", "velocal.cli", "run", "--cores", "1"]
+    process = subprocess.Popen(
+        command, cwd=folder, env=environment(folder), start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        # Where the tests run in the background of a shell, Ctrl-C is ignored otherwise.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    while not any((folder / ".snakemake/incomplete").iterdir()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    return process
+
+
+@pytest.mark.parametrize("how", ["process", "group", "Ctrl-C"])
+def test_a_killed_run_is_continued(finished, how):
+    """Without --unlock or --rerun-incomplete; `benchmarks/kills.py` does it at random times."""
+    before = digests(finished)
+    process = begun(finished)
+    if how == "process":
+        process.kill()
+    else:
+        os.killpg(process.pid, signal.SIGKILL if how == "group" else signal.SIGINT)
+    process.wait()
+    left = len(digests(finished))
+    assert left < len(before)
+    done = velocal_run(finished, "--cores", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished) == before
+
+
+def test_two_runs_at_once(finished):
+    """The second is told, and changes nothing; a dry run is allowed."""
+    before = digests(finished)
+    process = begun(finished)
+    process.send_signal(signal.SIGSTOP)
+    for run in (velocal_run, snakemake):
+        done = run(finished, "--cores", "2")
+        said = done.stdout + done.stderr
+        assert done.returncode == 1
+        assert "another run is at work" in said or "Directory cannot be locked" in said
+    assert f"process {process.pid}" in velocal_run(finished, "--cores", "2").stderr
+    assert "write_report" in planned(finished)
+    process.send_signal(signal.SIGCONT)
+    assert process.wait() == 0
+    assert digests(finished) == before
+
+
+def test_no_room_in_the_middle_of_a_run(finished):
+    """The table of returns is larger than what fits: a message, and all is well with more room."""
+    before = digests(finished)
+    (finished / "results/returns/monday/middle.parquet").unlink()
+    done = completed(finished, "velocal.cli", "run", "--cores", "1", max_file_bytes=250_000)
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert "middle.parquet: cannot be written: File too large" in said
+    assert "Hint: The limit of the size of a file is reached" in said
+    assert "Traceback" not in said
+    assert not list((finished / "results").rglob("*.part"))
+    done = velocal_run(finished, "--cores", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests(finished) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everything")
+def test_results_that_are_read_only(finished):
+    folder = finished / "results/returns/monday"
+    (folder / "middle.parquet").unlink()
+    folder.chmod(0o500)
+    done = velocal_run(finished, "--cores", "1")
+    folder.chmod(0o700)
+    said = done.stdout + done.stderr
+    assert done.returncode == 1
+    assert "is write-protected" in said
+    assert "Traceback" not in said
+    assert velocal_run(finished, "--cores", "2").returncode == 0

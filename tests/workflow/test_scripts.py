@@ -28,7 +28,7 @@ def main_of(name):
 def written():
     """Names of rules in the text of all files of rules."""
     return re.findall(
-        r"^ *(?:use rule \w+ as |rule )(\w+)(?: with)?:",
+        r"^ *(?:use rule \w+ as |rule |checkpoint )(\w+)(?: with)?:",
         "\n".join(path.read_text() for path in RULES),
         flags=re.MULTILINE,
     )

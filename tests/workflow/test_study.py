@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,16 @@ def finished(tiny_study) -> Path:
 
 def planned(folder: Path, *arguments: str) -> list[tuple[str, str]]:
     """Rule and wildcards of every job of a dry run."""
-    done = snakemake(folder, "--dry-run", "--cores", "2", *arguments)
+    return jobs_of(folder, "--dry-run", *arguments)
+
+
+def jobs_of(folder: Path, *arguments: str) -> list[tuple[str, str]]:
+    """Rule and wildcards of every job of a run."""
+    done = snakemake(folder, "--cores", "2", *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = re.findall(
-        r"^(?:local)?rule (\w+):\n(?:    (?!wildcards).*\n)*(?:    wildcards: (.*)\n)?",
+        r"^(?:local)?(?:rule|checkpoint) (\w+):\n(?:    (?!wildcards).*\n)*"
+        r"(?:    wildcards: (.*)\n)?",
         done.stdout + done.stderr,
         flags=re.MULTILINE,
     )
@@ -114,9 +121,13 @@ def test_a_comment_or_a_docstring_reruns_nothing(finished, edited):
     assert planned(finished) == []
 
 
-def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, edited):
-    edited("config/samples.tsv", NEW_ROW)
-    jobs = planned(finished)
+def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, tmp_path):
+    """Which adjustments must run again is known when the checks of the survey are done."""
+    folder = tmp_path / "project"
+    shutil.copytree(finished, folder)
+    with (folder / "config/samples.tsv").open("a") as sheet:
+        sheet.write(NEW_ROW)
+    jobs = [*jobs_of(folder, "results/survey/checks.csv"), *planned(folder)]
     assert {re.search(r"sample=(\w+)", w)[1] for _, w in jobs if "sample=" in w} == {"sa6"}
     assert {w for rule, w in jobs if rule == "adjust_survey"} == {"position=P6"}
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}

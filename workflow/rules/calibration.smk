@@ -71,7 +71,7 @@ rule adjust_lasers:
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
         # Nothing is adjusted with a wrong survey; what the checks say changes no adjustment.
-        checks=ancient(CHECKS),
+        checks=after_checks,
     output:
         adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
         covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
@@ -95,7 +95,7 @@ rule adjust_unit:
             samples_of_calibration(wildcards),
         ),
         calibration=lambda wildcards: factory_path(wildcards.scanner),
-        checks=ancient(CHECKS),
+        checks=after_checks,
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",

@@ -2,9 +2,11 @@
 # that names a missing recording would otherwise be answered by "Nothing to be done" while old
 # results lie there.
 
+import os
 from pathlib import Path
 
 from velocal.errors import VelocalError
+from velocal.io import run_lock
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
@@ -26,9 +28,14 @@ try:
         SIMULATED = read_world(Path(WORLD))
         check_world(STUDY, SIMULATED, WORLD)
     check_files(STUDY, CONFIG_NAME)
+    check_survey(STUDY)
     if workflow.is_main_process:
         check_times(Path(RESULTS))
-    check_survey(STUDY)
+        if os.environ.get(run_lock.VARIABLE) == run_lock.BEGIN:  # by `velocal run`
+            run_lock.begin(RESULTS, logger.warning)
+            run_lock.remove_snakemake_locks(RESULTS)
+    else:
+        run_lock.join()
 except VelocalError as error:
     raise WorkflowError(str(error)) from None
 

@@ -1,4 +1,4 @@
-# What makes a job run again; no rules.
+# What makes a job run again, and one run at a time; no rules.
 #
 # Snakemake compares the times of files, the params and the script of a job with those of its last
 # run. The functions here let it see all else: modules of the library, files of an older time, and
@@ -12,6 +12,14 @@ from velocal.io.provenance import library_digest
 from velocal.study.files import given_files
 
 GIVEN = given_files(STUDY)
+
+
+# `velocal run` has begun already. This is not called in a dry run and in jobs.
+onstart:
+    try:
+        run_lock.begin(RESULTS, logger.warning)
+    except VelocalError as error:
+        raise WorkflowError(str(error)) from None
 
 
 def complete(rules):
@@ -53,6 +61,16 @@ def identity(path):
     found = identify(Path(path))
     time = Path(path).stat().st_mtime_ns if found.bytes > WHOLE_BYTES else ""
     return f"{found.bytes}:{found.digest}:{time}"
+
+
+def after_checks(wildcards):
+    """Findings on the survey, as input of jobs that wait for the checks but do not change with them.
+
+    While checks have to run, Snakemake does not look whether a job behind them has another reason
+    to run; with `ancient` alone it would leave such a job out, and its old results would pass for
+    new ones. Behind a checkpoint it looks again when the checks are done.
+    """
+    return ancient(checkpoints.check_survey.get().output.checks)
 
 
 def with_all_before(targets):

@@ -81,7 +81,8 @@ onsuccess:
         print(visible(f"Warning: {warning}"))
 
 
-rule check_survey:
+# A checkpoint, for the jobs that wait for it: see `after_checks`.
+checkpoint check_survey:
     input:
         planes=SURVEY.planes if SURVEY else [],
         base_scanner=SURVEY.base_scanner if SURVEY else [],

@@ -59,7 +59,7 @@ Next:
 1. Put the captures into {folder / CAPTURES}{factory}; see {folder / "samples.tsv"}.
 2. Write the surveyed targets into {folder / "survey"}, and the names of the planes into
    {folder / "config.yaml"} (assignment: planes).
-3. cd {folder} && snakemake --cores 2
+3. cd {folder} && velocal run --cores 2
 The report will be {folder / "results/report.html"}; docs/how-to.md explains every step."""
     )
 

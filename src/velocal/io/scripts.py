@@ -15,6 +15,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from velocal.errors import ScriptError, reported
+from velocal.io import run_lock
 from velocal.io.output import check_outputs, stopped_cleanly
 
 #: Params that tell Snakemake when to run a job again; no script takes them.
@@ -56,6 +57,7 @@ def run(main: Callable[..., None], job: Job) -> None:
         The object ``snakemake`` of the script.
     """
     with stopped_cleanly(), reported(job.log[0] if job.log else None):
+        run_lock.join()
         check_outputs(_paths(job.output), _paths(job.input))
         try:
             main(**arguments(main, job))

@@ -29,9 +29,6 @@ from velocal.scanner.parameters import LaserParameters
 from velocal.study.adjustment import Adjustment
 from velocal.survey.station import Station
 
-#: Standard deviation of a distance in the datasheets of the HDL-64E and the HDL-32E, metres.
-DATASHEET_STD_M = 0.02
-
 
 def observe(
     beams: Beams, station: Station, parameters: LaserParameters, limits: Limits | None = None
@@ -272,7 +269,7 @@ def residuals(
     *,
     factory: LaserParameters | None = None,
     limits: Limits | None = None,
-    sigma_m: float = DATASHEET_STD_M,
+    sigma_m: float | None = None,
 ) -> LaserStatistics:
     """Tell how far the points of every laser lie from the surveyed planes.
 
@@ -289,8 +286,8 @@ def residuals(
         are compared, so that they are judged on the same returns; `parameters` if left out.
     limits : Limits, optional
         What a return must satisfy to belong to a plane; `Limits()` if left out.
-    sigma_m : float
-        Standard deviation of a distance in the datasheet, metres.
+    sigma_m : float, optional
+        Standard deviation of a distance, metres; that of the scanner's datasheet if left out.
 
     Returns
     -------
@@ -308,4 +305,5 @@ def residuals(
     """
     data = observe(beams, station, factory or parameters, limits)
     s = data.misclosure(parameters)
-    return laser_statistics(s, data.laser_id, len(parameters), sigma_m)
+    sigma = scanner_named(station.scanner).range_sigma_m if sigma_m is None else sigma_m
+    return laser_statistics(s, data.laser_id, len(parameters), sigma)

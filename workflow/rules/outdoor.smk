@@ -100,7 +100,7 @@ rule draw_panels:
     params:
         kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
         scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(OUTDOOR_FIGURES[wildcards.figure][1]),
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_panels.py"

@@ -280,7 +280,8 @@ def residuals(
     station : Station
         Survey of the position where the scanner stood.
     parameters : LaserParameters
-        Calibration that is judged.
+        Calibration that is judged, by equations (1) to (3): near-point corrections that it carries
+        are left out (`JudgedCalibration.near_m` says how much they are).
     factory : LaserParameters, optional
         Calibration that decides what hit which plane. Give the same one to all calibrations that
         are compared, so that they are judged on the same returns; `parameters` if left out.

@@ -68,6 +68,7 @@ rule measure_panels:
         ),
         boxes=lambda wildcards: OUTDOOR.plain()["panels"],
         fit=lambda wildcards: OUTDOOR.fit.plain(),
+        near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/measure_panels.py"
 

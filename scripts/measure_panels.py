@@ -30,6 +30,7 @@ def main(
     units: list[str],
     boxes: Mapping[str, Panel],
     fit: PanelFit,
+    near_points: bool,
 ) -> None:
     """Write the ledger as JSON and the root mean squares of s as CSV.
 
@@ -41,7 +42,7 @@ def main(
     cloud = Cloud.from_beams(opened.returns("all").beams(), factory)
     parameters = [formats.read(path, known.n_lasers) for path in sets]
     sets_by_name = dict(zip(candidates, parameters, strict=True))
-    compared = with_sets(factory, sets_by_name, units)
+    compared = with_sets(factory, sets_by_name, units, near_points=near_points)
     place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
     planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
     heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}

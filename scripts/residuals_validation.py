@@ -38,6 +38,7 @@ def main(
     units: list[str],
     limits: AssignmentLimits,
     validation: Validation,
+    sigma_cm: float,
     near_points: bool,
 ) -> None:
     """Write the statistics per laser as CSV; sets are the files of `candidates` in order."""
@@ -57,7 +58,7 @@ def main(
     compared = with_sets(factory, sets_by_name, units, near_points=near_points)
     heading = {"scanner": scanner, "sample": sample, "window": window, "data": "validation"}
     heading |= {ROTATIONS_FROM: single.origin}
-    table = statistics_table(heading, compared, data, validation.sigma_cm * 1e-2)
+    table = statistics_table(heading, compared, data, sigma_cm * 1e-2)
     storage.write_csv(statistics, table)
 
 

@@ -37,9 +37,6 @@ from velocal.scanner.parameters import LaserParameters
 from velocal.study.adjustment import Adjustment
 from velocal.survey.station import Station
 
-#: Standard deviation of a distance in the datasheets of the HDL-64E and the HDL-32E, metres.
-DATASHEET_STD_M = 0.02
-
 
 def observe(
     beams: Beams, station: Station, parameters: LaserParameters, limits: Limits | None = None
@@ -341,7 +338,7 @@ def residuals(
     *,
     factory: LaserParameters | None = None,
     limits: Limits | None = None,
-    sigma_m: float = DATASHEET_STD_M,
+    sigma_m: float | None = None,
 ) -> LaserStatistics:
     """Tell how far the points of every laser lie from the surveyed planes.
 
@@ -352,14 +349,15 @@ def residuals(
     station : Station
         Survey of the position where the scanner stood.
     parameters : LaserParameters
-        Calibration that is judged.
+        Calibration that is judged, by equations (1) to (3): near-point corrections that it carries
+        are left out (`JudgedCalibration.near_m` says how much they are).
     factory : LaserParameters, optional
         Calibration that decides what hit which plane. Give the same one to all calibrations that
         are compared, so that they are judged on the same returns; `parameters` if left out.
     limits : Limits, optional
         What a return must satisfy to belong to a plane; `Limits()` if left out.
-    sigma_m : float
-        Standard deviation of a distance in the datasheet, metres.
+    sigma_m : float, optional
+        Standard deviation of a distance, metres; that of the scanner's datasheet if left out.
 
     Returns
     -------
@@ -377,4 +375,5 @@ def residuals(
     """
     data = observe(beams, station, factory or parameters, limits)
     s = data.misclosure(parameters)
-    return laser_statistics(s, data.laser_id, len(parameters), sigma_m)
+    sigma = scanner_named(station.scanner).range_sigma_m if sigma_m is None else sigma_m
+    return laser_statistics(s, data.laser_id, len(parameters), sigma)

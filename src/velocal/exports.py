@@ -145,7 +145,7 @@ def write_calibration(
     --------
     >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
     >>> velocal.write_calibration("copy.yaml", factory, "HDL-32E", program="ros")
-    >>> bool(velocal.read_calibration("copy.yaml").parameters.dl[0] == factory.dl[0])
+    >>> bool(abs(velocal.read_parameters("copy.yaml", "HDL-32E").dl - factory.dl).max() < 1e-9)
     True
     """
     known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner

@@ -42,7 +42,10 @@ def test_files_of_every_program_put_points_on_the_planes(seen, program, tmp_path
     velocal.write_calibration(path, true, scanner, program=program, rate_hz=RATE_HZ)
     found = formats.read_calibration(path)
     table = exported_columns({"a.json": found}, factory, true, [window], scanner)
-    assert 1.5 < table["before_cm"][0] < 2.0  # 2 cm along the beam, across the walls
+    assert 1.5 < table["factory_cm"][0] < 2.0  # 2 cm along the beam, across the walls
+    assert table["before_cm"][0] > 1.5
+    reads_alike = program in ("manual", "manual_s2", "pcl")
+    assert (table["before_cm"][0] == table["factory_cm"][0]) == reads_alike
     assert table["model_cm"][0] < 1e-6
     # Rounded azimuths: half of 0.01 deg at 4 m is 0.03 cm along a wall.
     assert table["after_cm"][0] < (0.02 if found.rotation_rate_hz else 1e-6)

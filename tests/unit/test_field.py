@@ -40,9 +40,12 @@ def scan(
     phi = np.deg2rad(np.arange(0.0, 360.0, step_deg))
     laser_id, phi = (a.ravel() for a in np.meshgrid(np.arange(32), phi, indexing="ij"))
     direction = cloud_of(np.ones(len(phi)), phi, laser_id, parameters).direction
-    towards = direction @ np.array([normal for normal, _ in planes]).T
+    normals = np.array([normal for normal, _ in planes])
+    towards = direction @ normals.T
+    # Beams begin on the axis, at the height of their laser.
+    away = np.array([d for _, d in planes]) - np.outer(parameters.voff[laser_id], normals[:, 2])
     with np.errstate(divide="ignore"):
-        ranges = np.where(towards > 1e-9, np.array([d for _, d in planes]) / towards, np.inf)
+        ranges = np.where(towards > 1e-9, away / towards, np.inf)
     nearest = ranges.min(axis=1)
     hit = nearest < 100.0
     distance = nearest + rng.normal(0.0, noise_m, len(phi)) if noise_m else nearest
@@ -267,8 +270,9 @@ def test_medians_become_points():
     np.testing.assert_allclose(
         cloud.phi, np.deg2rad([90.0, 90.0 + 3600 * 31 * 1.152e-6]), rtol=1e-9
     )
+    down = np.deg2rad(92 / 3)
     assert cloud.xyz[0] == pytest.approx(
-        [10 * np.cos(np.deg2rad(92 / 3)), 0.0, -10 * np.sin(np.deg2rad(92 / 3))], abs=1e-6
+        [10 * np.cos(down), 0.0, -10 * np.sin(down) + 0.01717], abs=1e-6
     )
 
 

@@ -87,7 +87,8 @@ def agreement():
 EXPORTS = pd.DataFrame(
     {
         "file": ["set1.yaml", "set1.xml"], "program": ["ros", "veloview"],
-        "rotation_rate_hz": [9.87, np.nan], "count": [5, 5], "before_cm": [2.31, 2.31],
+        "rotation_rate_hz": [9.87, np.nan], "count": [5, 5], "factory_cm": [2.21, 2.21],
+        "before_cm": [2.31, 2.33],
         "model_cm": [0.41, 0.41], "after_cm": [0.42, 0.43],
     }
 )  # fmt: skip
@@ -460,6 +461,6 @@ def test_files_for_programs_state_their_rate_and_what_they_are_worth():
     rows = re.findall(r"<tr><td>set1.*?</tr>", PAGE)
     cells = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in rows]
     assert cells == [
-        ["set1.yaml", "ros", "9.87", "2.31", "0.41", "0.42"],
-        ["set1.xml", "veloview", "any", "2.31", "0.41", "0.43"],
+        ["set1.yaml", "ros", "9.87", "2.21", "2.31", "0.41", "0.42"],
+        ["set1.xml", "veloview", "any", "2.21", "2.33", "0.41", "0.43"],
     ]

@@ -78,6 +78,7 @@ def test_properties_of_the_scanners(name):
     assert scanner.coarse_encoder == (name in hdl64)
     assert scanner.has_factory_file == (name in hdl64)
     assert scanner.embeds_calibration == (name in {"HDL-64E", "HDL-64E-S3"})
+    assert scanner.range_sigma_m == (0.02 if name in hdl64 | {"HDL-32E"} else 0.03)
     assert scanner.short_name == str(scanner.n_lasers)
     # The beam model waits for each laser but where the manual's formula does not.
     assert scanner.azimuth_delay_s.any() == (name not in hdl64)

@@ -119,7 +119,8 @@ def test_distances_are_those_of_the_scene():
         u = np.column_stack(
             [np.cos(v) * np.sin(theta), np.cos(v) * np.cos(theta), np.full(len(theta), np.sin(v))]
         )
-        length, _ = cast(surfaces, np.tile(pose.translation, (len(u), 1)), u @ pose.rotation.T)
+        origin = pose.translation + pose.rotation @ np.array([0.0, 0.0, true.voff[laser]])
+        length, _ = cast(surfaces, np.tile(origin, (len(u), 1)), u @ pose.rotation.T)
         expected = (length - true.dl[laser]) / 0.002
         seen = raw[:, laser] > 0
         assert seen.mean() > 0.99

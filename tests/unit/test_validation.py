@@ -171,7 +171,7 @@ def test_a_set_of_any_name_leaves_the_factory_its_own_numbers(
         statistics=statistics, sample="a", window="middle", scanner=known.name, port=None,
         address=None, which="strongest", length=length, candidates=[name], units=[],
         limits=AssignmentLimits(distance_cm=50, incidence_deg=70, edge_cm=5),
-        validation=Validation(rotations=singles, sigma_cm=2.0), near_points=True,
+        validation=Validation(rotations=singles), sigma_cm=2.0, near_points=True,
     )  # fmt: skip
     rows = pd.DataFrame(storage.read_csv(statistics, text=KEYS))
     assert len(rows) == 2 * known.n_lasers

@@ -139,7 +139,7 @@ rule judge_claims:
     localrule: True
     params:
         tables=SETTINGS.plain()["tables"],
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(*STUDY.scanners),
         simulated=bool(WORLD),
     script:
         "../../scripts/judge_claims.py"

@@ -54,8 +54,8 @@ rule fit_field_planes:
         # None where planes are searched for.
         patches=lambda wildcards: UNSURVEYED.plain()["patches"].get(wildcards.sample),
         search=lambda wildcards: UNSURVEYED.search.plain(),
-        sigma_cm=lambda wildcards: UNSURVEYED.sigma_cm,
         near_points=SETTINGS.joint.near_points,
+        sigma_cm=lambda wildcards: STUDY.unsurveyed_sigma_cm(wildcards.sample),
     script:
         "../../scripts/fit_field_planes.py"
 

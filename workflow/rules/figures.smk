@@ -26,7 +26,9 @@ rule draw_lasers:
         figure=one_of(LASER_FIGURES),
     params:
         selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(
+            LASER_FIGURES[wildcards.figure].scanner
+        ),
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_lasers.py"
@@ -48,7 +50,7 @@ rule draw_histogram:
         figure=one_of(HISTOGRAMS),
     params:
         selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(HISTOGRAMS[wildcards.figure].scanner),
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_histogram.py"

@@ -52,7 +52,7 @@ rule compare_methods:
         check_on=lambda wildcards: list(METHODS.other),
         scanner=lambda wildcards: METHODS.scanner,
         adjustment=lambda wildcards: STUDY.adjustment(METHODS.scanner).plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(METHODS.scanner),
         simulated=bool(WORLD),
     script:
         "../../scripts/compare_methods.py"

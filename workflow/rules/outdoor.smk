@@ -68,6 +68,7 @@ rule measure_panels:
         ),
         boxes=lambda wildcards: OUTDOOR.plain()["panels"],
         fit=lambda wildcards: OUTDOOR.fit.plain(),
+        near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/measure_panels.py"
 
@@ -100,7 +101,7 @@ rule draw_panels:
     params:
         kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
         scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(OUTDOOR_FIGURES[wildcards.figure][1]),
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_panels.py"

@@ -112,6 +112,6 @@ checkpoint check_survey:
         files_of=list(STUDY.factory_files),
         adjustments={name: STUDY.adjustment(name).plain() for name in STUDY.scanners},
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(*STUDY.scanners),
     script:
         "../../scripts/check_survey.py"

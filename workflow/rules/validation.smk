@@ -30,7 +30,7 @@ rule residuals_calibration:
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         unit=lambda wildcards: unit_of(wildcards),
-        sigma_cm=lambda wildcards: STUDY.validation.sigma_cm,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(sample_of(wildcards).scanner),
         near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/residuals_calibration.py"
@@ -65,6 +65,7 @@ rule residuals_validation:
         ),
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         validation=lambda wildcards: STUDY.validation.plain(),
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(sample_of(wildcards).scanner),
         near_points=SETTINGS.joint.near_points,
     script:
         "../../scripts/residuals_validation.py"

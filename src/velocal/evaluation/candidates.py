@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeVar
 
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
 from velocal.calibration.dialects import MANUAL, near_effect
 from velocal.errors import VelocalError
+from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
 
+_Shots = TypeVar("_Shots", Observations, Beams)
 #: Columns by which every table tells calibrations from each other.
 IDENTITY = ("role", "parameter_set")
 
@@ -65,17 +68,17 @@ class Candidate:
         """Columns `IDENTITY`."""
         return {"role": self.role.value, "parameter_set": self.parameter_set}
 
-    def observed(self, data: Observations) -> Observations:
-        """Observations with the distances to which `parameters` belong.
+    def observed(self, data: _Shots) -> _Shots:
+        """Shots with the distances to which `parameters` belong.
 
         Parameters
         ----------
-        data : Observations
+        data : Observations or Beams
             With raw distances.
 
         Returns
         -------
-        Observations
+        Observations or Beams
         """
         if not self.near_points:
             return data

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
 from velocal.calibration.applied import AppliedCalibration, applied
+from velocal.calibration.dialects import MANUAL, dialect_named
 from velocal.calibration.files.document import CalibrationFile
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
@@ -53,7 +54,7 @@ def exported_columns(
     files : mapping of str to CalibrationFile
         Exported files by name.
     factory : CalibrationFile or LaserParameters
-        Calibration before, which is applied by its own formula.
+        Calibration before.
     model : LaserParameters
         The same calibration as the files, for equations (1) to (3).
     windows : sequence of Observed
@@ -63,24 +64,29 @@ def exported_columns(
     -------
     dict of str to ndarray, shape (files,)
         ``file``, ``program``, ``rotation_rate_hz`` (NaN: for any rate), ``count``, and the root
-        mean square of the distances of points from their planes in centimetres: ``before_cm``,
-        ``model_cm``, and ``after_cm`` with the file and the formula of its program.
+        mean square of the distances of points from their planes in centimetres: ``factory_cm``, the
+        calibration before by its own formula; ``before_cm``, its numbers in the program;
+        ``model_cm``; and ``after_cm``, the file in the program.
     """
 
-    def rms_cm(calibration: CalibrationFile | LaserParameters) -> float:
-        parts = [
-            window.distances(applied(calibration, scanner, window.rate_hz)) for window in windows
-        ]
+    def rms_cm(calibration: CalibrationFile | LaserParameters, program: str | None = None) -> float:
+        parts = []
+        for window in windows:
+            use = applied(calibration, scanner, window.rate_hz)
+            if program is not None:
+                use = replace(use, dialect=dialect_named(program))
+            parts.append(window.distances(use))
         return float(100.0 * np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
-    n = len(files)
+    n, programs = len(files), [each.dialect or MANUAL.name for each in files.values()]
     rates = [each.rotation_rate_hz or np.nan for each in files.values()]
     return {
         "file": np.array(list(files)),
-        "program": np.array([each.dialect or "" for each in files.values()]),
+        "program": np.array(programs),
         "rotation_rate_hz": np.array(rates, dtype=np.float64),
         "count": np.full(n, sum(len(window.observations.phi) for window in windows)),
-        "before_cm": np.full(n, rms_cm(factory)),
+        "factory_cm": np.full(n, rms_cm(factory)),
+        "before_cm": np.array([rms_cm(factory, program) for program in programs]),
         "model_cm": np.full(n, rms_cm(model)),
         "after_cm": np.array([rms_cm(each) for each in files.values()]),
     }

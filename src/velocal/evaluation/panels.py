@@ -127,8 +127,8 @@ def panel_rows(
     for plane in planes:
         chosen = plane.rows
         laser_id = cloud.laser_id[chosen]
-        for each in candidates:
-            seen = Cloud.from_beams(cloud[chosen], each.parameters)
+        for each in (shown for candidate in candidates for shown in candidate.shown()):
+            seen = Cloud.from_beams(each.observed(cloud[chosen]), each.parameters)
             fitted = fit_plane(seen.xyz).plane
             s = seen.s(np.arange(len(chosen)), fitted)
             lasers = laser_statistics(s, laser_id, len(each.parameters), 1.0)

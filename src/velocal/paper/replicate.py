@@ -123,7 +123,7 @@ def _of_scanner(
 ) -> Iterator[pd.DataFrame]:
     factory = factory_parameters(world, scanner)
     limits = study.assignment.limits.metric()
-    sigma_m = study.validation.sigma_cm * 1e-2
+    sigma_m = study.sigma_cm(scanner) * 1e-2
     bin_deg = study.config.reduction.azimuth_bin_deg.get(scanner)
     adjustments: dict[str, list[Member]] = {}
     scans = {}

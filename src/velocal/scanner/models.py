@@ -18,6 +18,11 @@ from velocal.errors import ConfigError
 
 #: One tick of the raw distance, metres, where a scanner does not say otherwise (VLP-32C, VLS-128).
 DISTANCE_TICK_M = 0.002
+#: Standard deviation of a distance, metres: "accuracy, one sigma" in the datasheets of the HDL-64E
+#: and the HDL-32E.
+RANGE_SIGMA_M = 0.02
+#: The same of the VLP-16, its Hi-Res, the VLP-32C and the VLS-128: "typical accuracy +-3 cm".
+RANGE_SIGMA_OF_PUCKS_M = 0.03
 #: One tick of the raw azimuth, degrees.
 AZIMUTH_TICK_DEG = 0.01
 #: Raw azimuths in one turn.
@@ -94,6 +99,8 @@ class Scanner:
         Product bytes of other models that early units of this model send.
     embeds_calibration : bool
         Whether the scanner sends its factory calibration in the status bytes of its packets.
+    range_sigma_m : float
+        Standard deviation of a distance in the datasheet.
     origin_height_m : float
         Height of the origin of the scanner frame above the bottom of the base, metres. The origin
         is the one of the maker's beam equations: the optical centre where a scanner is made to
@@ -122,6 +129,7 @@ class Scanner:
     borrowed_factory_bytes: tuple[int, ...] = ()
     embeds_calibration: bool = False
     origin_height_m: float = 0.0
+    range_sigma_m: float = RANGE_SIGMA_M
 
     @property
     def short_name(self) -> str:
@@ -267,6 +275,7 @@ def _one_column(
     other_factory_bytes: tuple[int, ...] = (),
     borrowed_factory_bytes: tuple[int, ...] = (),
     distance_tick_m: float = DISTANCE_TICK_M,
+    range_sigma_m: float = RANGE_SIGMA_OF_PUCKS_M,
 ) -> Scanner:
     """Describe a scanner with its lasers in one column, interpolated within a firing.
 
@@ -285,6 +294,7 @@ def _one_column(
         borrowed_factory_bytes=borrowed_factory_bytes,
         distance_tick_m=distance_tick_m,
         origin_height_m=origin_height_m,
+        range_sigma_m=range_sigma_m,
         firing_cycle_s=firing_cycle_s,
         packet_rate_hz=rate,
         azimuth_bin_ticks=azimuth_bin_ticks,
@@ -335,6 +345,7 @@ def _hdl32e() -> Scanner:
         factory_byte=0x21,
         origin_height_m=0.09081,
         vertical_offset_mm=_HDL32E_OFFSET_MM,
+        range_sigma_m=RANGE_SIGMA_M,
     )
 
 

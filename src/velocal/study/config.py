@@ -161,7 +161,11 @@ class Unsurveyed(Section):
 
     samples: Text = Field(description="sample table of the recordings without a survey")
     recordings: Text = Field(description="folder of their captures")
-    sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
+    sigma_cm: Positive | None = Field(
+        default=None,
+        description="standard deviation of a distance in the datasheet; that of each scanner if "
+        "left out",
+    )
     patches: dict[SampleName, dict[PlaneName, Box]] = Field(
         default={},
         description="boxes in the scanner frame in which a plane is fitted; in the data of a "

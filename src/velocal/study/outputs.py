@@ -45,7 +45,11 @@ class Export(Section):
 class Validation(Section):
     """Residuals of single rotations."""
 
-    sigma_cm: Positive = Field(description="standard deviation of a distance in the datasheet")
+    sigma_cm: Positive | None = Field(
+        default=None,
+        description="standard deviation of a distance in the datasheet; that of each scanner if "
+        "left out",
+    )
     rotations: Count = Field(
         description="single rotations that are used for each window: the nearest ones that belong "
         "to no window, or its own if there are too few"

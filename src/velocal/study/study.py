@@ -111,6 +111,27 @@ class Study:
         """Section `validation` of a study with surveyed samples."""
         return _given(self.config.validation)
 
+    def sigma_cm(self, *scanners: str) -> float:
+        """Standard deviation of a distance in the datasheet of scanners, the largest of them.
+
+        Parameters
+        ----------
+        *scanners : str
+            Names of surveyed scanners.
+
+        Returns
+        -------
+        float
+            Centimetres; what the configuration states for the validation, if it does.
+        """
+        stated = self.config.validation.sigma_cm if self.config.validation else None
+        return stated or max(100.0 * SCANNERS[name].range_sigma_m for name in scanners)
+
+    def unsurveyed_sigma_cm(self, sample: str) -> float:
+        """Standard deviation of a distance of the scanner of an unsurveyed sample, centimetres."""
+        stated = self.config.unsurveyed.sigma_cm if self.config.unsurveyed else None
+        return stated or 100.0 * SCANNERS[self.unsurveyed[sample].scanner].range_sigma_m
+
     def adjustment(self, scanner: str) -> Adjustment:
         """Section `adjustment` as it holds for a scanner; what is recommended if left out."""
         given = self.config.adjustment

@@ -53,6 +53,7 @@ class Step:
 SHORT = {
     "adjust_survey": "survey",
     "average_set": "sets",
+    "assign_medians": "medians on planes",
     "index_recording": "ledger",
     "simulate_factory": "factory",
     "simulate_recording": "recording",

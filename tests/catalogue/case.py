@@ -17,10 +17,13 @@ from unittest.mock import patch
 from velocal.cli import main
 from velocal.errors import VelocalError
 from velocal.io import schemas, storage
+from velocal.simulation.world import read as read_world
 from velocal.study.files import check_files
 from velocal.study.reading import check_configuration
 from velocal.study.study import read_study
 from velocal.survey.files import check_survey
+from velocal.survey.network.field_book import FILES, read_field_book
+from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.station import adjust_station, read_station
 from velocal.survey.targets import read_covariances
 
@@ -30,6 +33,10 @@ READERS: dict[str, Callable[[Path], object]] = {
     "station": read_station,
     "covariances": read_covariances,
     "columns": storage.read_csv,
+    "world": read_world,
+    "observations": lambda folder: adjust_field_book(
+        read_field_book({name: folder / f"{name}.csv" for name in FILES}), where="survey"
+    ),
 }
 #: Command of a case that plans a study, as the Snakefile of `velocal init` does.
 PLAN = ("snakemake",)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from catalogue.case import PLAN, Case, Outcome
-from catalogue.study import CONFIG, replaced, rewritten
+from catalogue.study import CONFIG, ROOT, replaced, rewritten
 
 
 def _for(old: str, new: str) -> object:
@@ -129,7 +131,32 @@ _USED = {
     "a calibration called NA": _for("    all: [", "    NA: ["),
 }
 
+
+def _world(old: str, new: str) -> object:
+    """Change the file of the simulated world."""
+
+    def make(folder: Path) -> None:
+        text = (ROOT / "config/world.yaml").read_text()
+        assert old in text
+        (folder / "world.yaml").write_text(text.replace(old, new, 1))
+
+    return make
+
+
+_WORLD = {
+    "world: an unknown key": _world("seed:", "sead:"),
+    "world: `seed: .inf`": _world("seed: ", "seed: .inf  # "),
+    "world: a negative seed": _world("seed: ", "seed: -"),
+    "world: a key twice": _world("seed: ", "seed: 1\nseed: "),
+    "world: an unknown scanner": _world("HDL-64E:", "HDL-65E:"),
+    "world: indented with a tab": _world("seed: ", "\tseed: "),
+}
+
 CASES = (
     *(Case(wrong, Outcome.REFUSED, make, PLAN) for wrong, make in _REFUSED.items()),
     *(Case(wrong, Outcome.USED, make, PLAN) for wrong, make in _USED.items()),
+    *(
+        Case(wrong, Outcome.REFUSED, make, ("read", "world", "world.yaml"))
+        for wrong, make in _WORLD.items()
+    ),
 )

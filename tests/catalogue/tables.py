@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+from pathlib import Path
+
+from support.chain import study_world
 
 from catalogue.case import PLAN, Case, Outcome
 from catalogue.study import BASE, CONFIG, PLANES, SAMPLES, SITE, replaced, rewritten
+from velocal.simulation import survey
+from velocal.survey.network.field_book import FILES, FieldBook, write_field_book
 
 _ROW = "wall1_1,wall1,5,0,0,1,1,1"
 
@@ -190,7 +196,56 @@ _USED = {
     ),
 }
 
+
+@cache
+def _book() -> FieldBook:
+    return survey.field_book(study_world())
+
+
+def _observed(file: str, pattern: str, new: str, count: int = 1) -> object:
+    """Write the observations of the simulated surveyor, and change one file."""
+
+    def make(folder: Path) -> None:
+        write_field_book(_book(), {name: folder / f"{name}.csv" for name in FILES}, 24.0)
+        path = folder / f"{file}.csv"
+        text, found = re.subn(pattern, new, path.read_text(), count=count, flags=re.M)
+        assert found, pattern
+        path.write_text(text)
+
+    return make
+
+
+_OBSERVED_REFUSED = {
+    "observations: angles in gon": _observed("network", "zenith_deg", "zenith_gon"),
+    "observations: text in place of an angle": _observed(
+        "network", r"^(S1,\w+),[^,]*", r"\1,north"
+    ),
+    "observations: an angle of 1e300": _observed("network", r"^(S1,\w+),[^,]*", r"\1,1e300"),
+    "observations: a standard deviation of 0": _observed("network", r"[^,]*$(?<!mm)", "0"),
+    "observations: an image without principal distance": _observed(
+        "images", r"^(\w+,\w+,[-\d][^,]*,[^,]*,[^,]*),.*", r"\1,"
+    ),
+    "observations: a point twice": _observed("points", "floor_t001,", "floor_t002,"),
+    "observations: no approximate coordinates": _observed(
+        "points", r"^(\w+),(\w*),[-\d].*", r"\1,\2,,,", 0
+    ),
+    "observations: a target of a plane that was not observed": _observed(
+        "images", r"^\w+,floor_t001,.*\n", "", 0
+    ),
+    "observations: a station that is connected with nothing": _observed(
+        "network", r"^S1,(\w+)", r"S1,far_\1", 0
+    ),
+}
+_OBSERVED_USED = {
+    "observations: a distance that was not measured": _observed(
+        "network", r"^(S1,\w+,[^,]*,[^,]*),[^,]*", r"\1,"
+    ),
+}
+_OBSERVED = ("read", "observations", ".")
+
 CASES = (
     *(Case(wrong, Outcome.REFUSED, make, PLAN) for wrong, make in _REFUSED.items()),
     *(Case(wrong, Outcome.USED, make, PLAN) for wrong, make in _USED.items()),
+    *(Case(wrong, Outcome.REFUSED, make, _OBSERVED) for wrong, make in _OBSERVED_REFUSED.items()),
+    *(Case(wrong, Outcome.USED, make, _OBSERVED) for wrong, make in _OBSERVED_USED.items()),
 )

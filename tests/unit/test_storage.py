@@ -190,3 +190,32 @@ def test_every_column_has_a_unit_and_a_description(schema):
         assert field.metadata[b"unit"]
         assert field.metadata[b"description"]
         assert not field.nullable
+
+
+def test_damage_is_found_everywhere(tmp_path):
+    """A changed bit gives the same numbers (it lies where nothing is read), or our error."""
+    path, rng = tmp_path / "medians.parquet", np.random.default_rng(0)
+    write_parquet(path)
+    good, expected = path.read_bytes(), medians()
+    refused = 0
+    for at in [*rng.integers(0, len(good), 150), *range(len(good) - 100, len(good))]:
+        damaged = bytearray(good)
+        damaged[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            columns, _ = storage.read_table(path, schemas.MEDIANS)
+        except StorageError:
+            refused += 1
+            continue
+        for name, values in expected.items():
+            np.testing.assert_array_equal(columns[name], values)
+    assert refused > 150  # the pages are most of the file
+
+
+def test_missing_columns_of_the_right_kind(tmp_path):
+    path = tmp_path / "medians.parquet"
+    write_parquet(path)
+    table = pq.read_table(path)
+    pq.write_table(table.drop_columns(["count"]), path)
+    with pytest.raises(StorageError, match=r"has the columns .*allowed: .*count"):
+        storage.read_table(path, schemas.MEDIANS)

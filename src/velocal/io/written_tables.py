@@ -215,14 +215,13 @@ def _separator(headings: str, wanted: str) -> str:
 def _cells(
     path: Path, line: tuple[int, str], separator: str, error: type[VelocalError]
 ) -> list[str]:
-    try:
-        cells = next(csv.reader([line[1]], delimiter=separator, strict=True))
-    except csv.Error:
+    if line[1].count('"') % 2:
         raise error(
             "a quote is not closed",
             where=f"{path}, row {line[0]}",
             hint="A value between quotes ends in the line in which it begins.",
-        ) from None
+        )
+    cells = next(csv.reader([line[1]], delimiter=separator, skipinitialspace=True))
     return [cell.strip() for cell in cells]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,6 +89,13 @@ def parse_yaml(
             where=f"{where}, line {line}",
             hint="Save the file as UTF-8.",
         ) from None
+    if control := re.search(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]", text):
+        line = text[: control.start()].count("\n") + 1
+        raise error(
+            f"is not YAML: the line holds the control character U+{ord(control[0]):04X}",
+            where=f"{where}, line {line}",
+            hint="Delete it.",
+        )
     node = None
     try:
         _check_events(text, where, error, unique_keys)
@@ -102,12 +110,15 @@ def parse_yaml(
         lines = text.splitlines()
         bad_line = lines[mark.line] if mark and mark.line < len(lines) else ""
         tab = "\t" in bad_line[: len(bad_line) - len(bad_line.lstrip())]
+        hint = "Values with a colon, a brace or a special first character need quotes."
+        if tab:
+            hint = "Indent with spaces, not with tabs."
+        elif isinstance(fault, yaml.constructor.ConstructorError):
+            hint = "Write the value plainly, without a tag (!!...)."
         raise error(
             f"is not YAML: {fault.problem or fault.context}",
             where=f"{where}, line {mark.line + 1}" if mark else where,
-            hint="Indent with spaces, not with tabs."
-            if tab
-            else "Values with a colon, a brace or a special first character need quotes.",
+            hint=hint,
         ) from None
     except yaml.YAMLError as fault:
         reason = str(fault).splitlines()[0]

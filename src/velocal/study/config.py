@@ -6,10 +6,11 @@ The models are the only place of defaults and descriptions; the JSON schema and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from velocal.study.adjustment import Adjustments, Joint
 from velocal.study.figures import Figure, MapFigure, SetName, Table
@@ -36,6 +37,24 @@ PanelName = Annotated[Text, Placeholder("{panel}")]
 TableNumber = Annotated[Literal["2", "3", "4", "5"], Placeholder('"2" ... "5"')]
 FigureNumber = Annotated[str, Field(pattern=r"^[0-9][0-9]$"), Placeholder('"NN"')]
 Kind = Literal["ideal", "real"]
+
+
+#: No part begins with a point: neither `..` nor a hidden folder.
+_FOLDER = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$"
+
+
+def _below(folder: str) -> str:
+    """Refuse a folder that lies elsewhere, is hidden, or has a name that programs may split."""
+    if not re.match(_FOLDER, folder):
+        raise fault(
+            f"{folder!r} is no folder for results",
+            allowed=["a folder below this one, of letters, digits, _, - and points"],
+            hint="As results, or results/monday; no part of it begins with a point.",
+        )
+    return folder
+
+
+Folder = Annotated[str, AfterValidator(_below), Field(json_schema_extra={"pattern": _FOLDER})]
 
 
 class Coordinates(Section):
@@ -196,9 +215,7 @@ class StudyConfig(Section):
     """A study. Parts that a study without a survey does not need are optional."""
 
     study: Text = Field(description="title, shown in the report; every configuration has one")
-    results: str = Field(
-        # No part begins with a point: neither `..` nor a hidden folder.
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
+    results: Folder = Field(
         description="folder for everything that is made, below the folder in which snakemake runs",
     )
     samples: Text | None = Field(default=None, description="sample table of the surveyed samples")
@@ -250,7 +267,9 @@ class StudyConfig(Section):
     outdoor: Outdoor | None = Field(default=None, description="panels outdoors")
     unsurveyed: Unsurveyed | None = Field(default=None, description="recordings without a survey")
     tables: dict[TableNumber, Table] = Field(default={}, description="tables of the paper")
-    figures: dict[FigureNumber, Figure] = Field(default={}, description="figures")
+    figures: dict[FigureNumber, Figure] = Field(
+        default={}, description='figures by number, as `"01"`; every kind has its own keys'
+    )
 
     @model_validator(mode="before")
     @classmethod

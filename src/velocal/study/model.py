@@ -276,7 +276,8 @@ def _translated(error: ErrorDetails, model: type[BaseModel], where: str) -> Conf
     if kind in ("literal_error", "union_tag_invalid"):
         allowed = ", ".join(re.findall(r"'([^']*)'", facts.get("expected", allowed)))
     if kind == "string_pattern_mismatch":
-        allowed = f"names like {facts['pattern']}"
+        of_name = facts["pattern"] == NAME
+        allowed = "letters, digits, _ and -" if of_name else f"names like {facts['pattern']}"
     if of_key:
         return ConfigError(f"unknown key {place!r}", where=where, allowed=allowed, hint=hint)
     if kind == "string_type" and isinstance(value, int | float):

@@ -493,11 +493,16 @@ class Gaps:
         self._gaps: list[NDArray[np.int64]] = []
         #: Azimuths at which packets begin.
         self._starts = np.zeros(AZIMUTH_TICKS, dtype=np.int64)
-        #: Median interval of a chunk, and the number of intervals in it.
-        self._medians: list[tuple[float, int]] = []
+        #: Of packets with one and with two returns a shot: median interval of every chunk, and the
+        #: number of intervals in it.
+        self._medians: tuple[list[tuple[float, int]], ...] = ([], [])
 
     def consume(
-        self, time_s: Array, azimuth: NDArray[np.uint16], missing: NDArray[np.int64]
+        self,
+        time_s: Array,
+        azimuth: NDArray[np.uint16],
+        missing: NDArray[np.int64],
+        dual: NDArray[np.bool_],
     ) -> None:
         """Look at consecutive packets.
 
@@ -508,11 +513,16 @@ class Gaps:
             Raw azimuth of the first block, 0.01 degree.
         missing : ndarray of int64, shape (n,)
             Packets that are missing before each packet.
+        dual : ndarray of bool, shape (n,)
+            Whether each packet holds two returns of a shot.
         """
         before_s, before = self._last
         interval = np.diff(time_s, prepend=before_s)[0 if self._packets else 1 :]
-        if len(interval):
-            self._medians.append((float(np.median(interval)), len(interval)))
+        of_dual = dual[0 if self._packets else 1 :]
+        for two, medians in enumerate(self._medians):
+            chosen = interval[of_dual == bool(two)]
+            if len(chosen):
+                medians.append((float(np.median(chosen)), len(chosen)))
         at = np.flatnonzero(missing)
         previous = np.concatenate([[before], azimuth[:-1]])
         gaps = np.stack([self._packets + at, missing[at], previous[at], azimuth[at]], axis=1)
@@ -521,16 +531,16 @@ class Gaps:
         self._packets += len(time_s)
         self._last = (float(time_s[-1]), int(azimuth[-1]))
 
-    @property
-    def interval_s(self) -> float:
+    def interval_s(self, *, dual: bool) -> float:
         """Median time between packets; NaN without time, or if most times are equal.
 
         It is the weighted median of the medians of all chunks: exact enough for a rate, and its
-        memory does not grow with the packets.
+        memory does not grow with the packets. It is that of packets with two returns of a shot, or
+        with one.
         """
-        if not self._medians:
+        if not self._medians[dual]:
             return float("nan")
-        medians = np.array(self._medians)
+        medians = np.array(self._medians[dual])
         ascending = np.argsort(medians[:, 0])
         half = np.searchsorted(np.cumsum(medians[ascending, 1]), medians[:, 1].sum() / 2)
         interval_s = float(medians[ascending[half], 0])

@@ -2,8 +2,11 @@
 
 import json
 
+import decode_returns
+import index_recording
 import numpy as np
 import pytest
+import reduce_medians
 from support.capture import record_list, scan, spin, write
 from typer.testing import CliRunner
 
@@ -67,6 +70,28 @@ def test_commands(name, rotations, tmp_path):
         assert done.exit_code == 0, done.output
     _, facts = storage.read_table(tmp_path / "decode.parquet", schemas.RETURNS)
     assert facts["rotation_rate_hz"] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("rotations", [0.02, 0.7, 1.5])
+@pytest.mark.parametrize("name", SENT)
+def test_scripts_of_a_study_without_a_survey(name, rotations, tmp_path):
+    path = write(tmp_path, record_list(sent_by(name, rotations), 42))
+    index, returns, medians = (tmp_path / f"{k}.parquet" for k in ("index", "returns", "medians"))
+    of = {"scanner": name, "port": None, "address": None}
+    index_recording.main(
+        recording=path, ledger=tmp_path / "ledger.json", rotations=index, calibration=None,
+        max_missing=0.05, **of,
+    )  # fmt: skip
+    decode_returns.main(
+        recording=path, rotations=index, returns=returns, window="all", length=None,
+        which="strongest", **of,
+    )  # fmt: skip
+    reduce_medians.main(
+        returns=returns, medians=medians, scanner=name, azimuth_bin_ticks=20, min_count=1
+    )
+    columns, facts = storage.read_table(medians, schemas.MEDIANS)
+    assert len(columns["distance"]) > 0
+    assert facts["rotation_rate_hz"] > 5.0
 
 
 def test_without_a_clock_the_scanner_tells_the_rate(tmp_path):

@@ -1,5 +1,6 @@
 """Which scanner, whether it is one, whether it turns, and whether it stands still."""
 
+import index_recording
 import numpy as np
 import pytest
 from support.capture import pcap, record_list, spin, write
@@ -193,6 +194,11 @@ def test_motion(speed, turn, moves, tmp_path):
     with pytest.raises(RecordingError, match="the scanner moves") as caught:
         check_standing(path, index, scanner)
     assert "stands still" in str(caught.value)
+    with pytest.raises(RecordingError, match="the scanner moves"):
+        index_recording.main(
+            recording=path, ledger=tmp_path / "ledger.json", rotations=tmp_path / "index.parquet",
+            calibration=None, scanner="VLP-16", port=None, address=None, max_missing=0.05,
+        )  # fmt: skip
     done = CliRunner().invoke(app, ["points", str(path), "-o", str(tmp_path / "out.ply")])
     assert "the scanner moves" in done.stderr
 

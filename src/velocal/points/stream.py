@@ -29,7 +29,7 @@ from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, flags_and_azimuths, view
-from velocal.packets.dual import check_choice, dual_packets
+from velocal.packets.dual import ONLY, check_choice, dual_packets
 from velocal.packets.firings import Firings, decode
 from velocal.recording import timing
 from velocal.recording.inspection import Inspection
@@ -248,8 +248,9 @@ class _Clock:
 
     def __init__(self, inspection: Inspection, scanner: Scanner) -> None:
         self.kind, self.times = inspection.clock, inspection.index.time_s
-        self.together = len(scanner.flags) * (2 if inspection.dual else 1)
-        self.interval_s = inspection.interval_for(scanner)
+        #: Blocks of a shot of all lasers, and time between packets, with one and with two returns.
+        self.together = len(scanner.flags) * np.array([1, 2])
+        self.interval_s = np.array([inspection.interval_for(scanner, two) for two in (False, True)])
         self.per_block = scanner.firings_per_block
         self.epoch: float | None = None
         jumps = inspection.clock_jumps or inspection.damaged_stamps
@@ -299,13 +300,17 @@ class _Clock:
         self.last, self.offset_s = int(rotation[-1]), float(offsets[-1])
         return np.asarray(since + offsets[at])
 
-    def firings(self, block: NDArray[np.int64]) -> Array:
-        """Time from the stamp of its packet to every firing, shape (n,), by its block."""
-        shot = self.together * self.interval_s / BLOCKS
-        time_s = block % BLOCKS // self.together * shot
+    def firings(self, block: NDArray[np.int64], dual: NDArray[np.bool_]) -> Array:
+        """Time from the stamp of its packet to every firing, shape (n,).
+
+        By its block, and by whether the packet holds two returns of a shot.
+        """
+        together = self.together[dual.astype(np.intp)]
+        shot = together * self.interval_s[dual.astype(np.intp)] / BLOCKS
+        time_s = block % BLOCKS // together * shot
         if self.per_block > 1:  # the later firings of a block follow the first
             later = np.flatnonzero(block[1:] == block[:-1]) + 1
-            time_s[later] += shot / self.per_block
+            time_s[later] += shot[later] / self.per_block
         return np.asarray(time_s, dtype=np.float64)
 
 
@@ -346,7 +351,9 @@ def stream(
             rotation = of_block.reshape(-1)[firings.block]
             captured = None if chunk.capture_time_s is None else chunk.capture_time_s[part]
             sent = clock.packets(captured, payloads, of_block.max(axis=1))
-            time_s = sent[firings.block // BLOCKS] + clock.firings(firings.block)
+            time_s = sent[firings.block // BLOCKS] + clock.firings(
+                firings.block, firings.which != ONLY
+            )
             yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
 
 

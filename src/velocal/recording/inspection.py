@@ -180,13 +180,15 @@ class Inspection:
             )
         return told
 
-    def interval_for(self, scanner: Scanner) -> float:
+    def interval_for(self, scanner: Scanner, dual: bool | None = None) -> float:
         """Time between packets, seconds.
 
         Parameters
         ----------
         scanner : Scanner
             What sent the packets.
+        dual : bool, optional
+            Whether they hold two returns of a shot; as most packets of the recording if left out.
 
         Returns
         -------
@@ -197,7 +199,9 @@ class Inspection:
         nominal_hz = scanner.dual_packet_rate_hz if self.dual else scanner.packet_rate_hz
         measured = self.clock == "device" and self.packet_interval_s > 0
         differs = measured and abs(self.packet_interval_s * nominal_hz - 1.0) > INTERVAL_TOLERANCE
-        return self.packet_interval_s if differs else 1.0 / nominal_hz
+        slower = self.packet_interval_s * nominal_hz if differs else 1.0
+        dual = self.dual if dual is None else dual
+        return slower / (scanner.dual_packet_rate_hz if dual else scanner.packet_rate_hz)
 
     def facts(self, scanner: Scanner | None = None) -> list[Fact]:
         """Everything that is told about a recording, in order: the only list of it.

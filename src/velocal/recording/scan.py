@@ -293,13 +293,13 @@ class _Scan:
         wire = view(chunk.payloads)
         stamps = np.ascontiguousarray(wire["timestamp"])
         flag, azimuth = flags_and_azimuths(wire)
-        dual, first = dual_packets(flag, azimuth), np.ascontiguousarray(azimuth[:, 0])
+        dual = dual_packets(flag, azimuth)
         time_s, missing = self._clock.times(stamps, chunk.capture_time_s, azimuth, dual)
         status = wire["status"]
         packets = _Packets(self.packets, chunk.offsets, time_s, flag, azimuth, status, dual)
         for part in (self._rotations, self._azimuths, self._blocks, self._last_bytes):
             part.consume(packets)
-        self._gaps.consume(time_s, first, missing)
+        self._gaps.consume(time_s, azimuth[:, 0], missing, dual)
         self._status.consume(chunk.payloads[:, -TRAILING.itemsize :])
         self.packets += len(wire)
 
@@ -336,7 +336,7 @@ class _Scan:
             index=index,
             ledger=ledger,
             view_deg=missing.view_deg,
-            packet_interval_s=self._gaps.interval_s,
+            packet_interval_s=self._gaps.interval_s(dual=self._blocks.dual),
             azimuth_step_ticks=self._azimuths.step_ticks,
             azimuth_multiple=self._azimuths.multiple,
             clock=clock.kind,

@@ -7,7 +7,7 @@ decide whether packets are missing or a clock has jumped.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +32,17 @@ _CAPTURE_DELAY_S = 1.0
 _LEAST_DELAY_S = 0.02
 #: They are a clock if they advance after this share of the packets: every 20 ms at 2500 packets/s.
 _ADVANCING = 0.02
+#: No more packets than this can be missing: times of capture may be any number.
+_MANY = 1e9
 #: Pairs of packets from which the pace is measured again.
 _PACE_PAIRS = 64
 #: A limit of the field of view is seen in at least this many rotations, and in this share of them.
 _VIEW_TURNS = 3
 _VIEW_SHARE = 0.8
-#: Where no packet begins over this many usual steps, the scanner does not look. A few packets with
-#: damaged azimuths, this share of the usual ones, may begin there.
+#: Where no packet begins over this many usual steps and ticks, the scanner does not look. A few
+#: packets with damaged azimuths, this share of the usual ones, may begin there.
 _BLIND_STEPS = 1.5
+_BLIND_TICKS = 300
 _BLIND_SHARE = 0.02
 #: This number of missing packets never makes a rotation incomplete, unless none is allowed to miss.
 FEW_PACKETS = 3
@@ -163,7 +166,7 @@ def judge_pairs(
         even = even & (interval_s > 0) & (interval_s <= GAP_INTERVALS * usual_s)
     elif kind == "capture":
         even &= np.abs(interval_s) <= _CAPTURE_DELAY_S
-    rows = np.flatnonzero(~even)
+    rows = np.flatnonzero(~even if kind != "device" else ~even & (usual_s > 0))
     if len(rows) == 0:
         return pairs
     captured = None if captured_s is None else captured_s[rows]
@@ -210,7 +213,8 @@ def _by_device(
     if captured is not None:
         turns = (np.abs(usual) * captured / usual_s - forward) / AZIMUTH_TICKS
         forward = forward + AZIMUTH_TICKS * np.maximum(np.rint(turns), 0.0)
-    packets[turning] = np.maximum(np.rint(forward[turning] / np.abs(usual[turning])), 1.0)
+    packets[turning] = np.rint(forward[turning] / np.abs(usual[turning]))
+    packets = np.clip(packets, 1.0, _MANY)
     pairs.missing[rows[jump]] = packets[jump].astype(np.int64) - 1
     pairs.elapsed_s[rows[jump]] = packets[jump] * usual_s[jump]
     pairs.jump[rows] = jump
@@ -260,7 +264,7 @@ def _by_azimuth(
         pairs.elapsed_s[rows[jump]] = (np.maximum(packets, 1.0) * known)[jump]
     packets[standing | back | even] = 1.0
     pairs.irregular[rows] = back & ~even & ~standing
-    pairs.missing[rows] = np.maximum(np.rint(packets) - 1.0, 0.0).astype(np.int64)
+    pairs.missing[rows] = np.clip(np.rint(packets) - 1.0, 0.0, _MANY).astype(np.int64)
 
 
 class Clock:
@@ -410,7 +414,9 @@ class Clock:
         for two in np.unique(dual):
             rows = dual == two
             if rows.sum() >= _PACE_PAIRS or np.isnan(self._paces[two].step_ticks):
-                self._paces[two] = _pace(step[rows], interval_s[rows])
+                found, known = _pace(step[rows], interval_s[rows]), self._paces[two].interval_s
+                usable = found.interval_s > 0 or np.isnan(known)
+                self._paces[two] = found if usable else replace(found, interval_s=known)
         usual = np.array([pace.step_ticks for pace in self._paces])[dual]
         usual_s = np.array([pace.interval_s for pace in self._paces])[dual]
         late_s = _CAPTURE_DELAY_S
@@ -493,11 +499,16 @@ class Gaps:
         self._gaps: list[NDArray[np.int64]] = []
         #: Azimuths at which packets begin.
         self._starts = np.zeros(AZIMUTH_TICKS, dtype=np.int64)
-        #: Median interval of a chunk, and the number of intervals in it.
-        self._medians: list[tuple[float, int]] = []
+        #: Of packets with one and with two returns a shot: median interval of every chunk, and the
+        #: number of intervals in it.
+        self._medians: tuple[list[tuple[float, int]], ...] = ([], [])
 
     def consume(
-        self, time_s: Array, azimuth: NDArray[np.uint16], missing: NDArray[np.int64]
+        self,
+        time_s: Array,
+        azimuth: NDArray[np.uint16],
+        missing: NDArray[np.int64],
+        dual: NDArray[np.bool_],
     ) -> None:
         """Look at consecutive packets.
 
@@ -508,11 +519,16 @@ class Gaps:
             Raw azimuth of the first block, 0.01 degree.
         missing : ndarray of int64, shape (n,)
             Packets that are missing before each packet.
+        dual : ndarray of bool, shape (n,)
+            Whether each packet holds two returns of a shot.
         """
         before_s, before = self._last
         interval = np.diff(time_s, prepend=before_s)[0 if self._packets else 1 :]
-        if len(interval):
-            self._medians.append((float(np.median(interval)), len(interval)))
+        of_dual = dual[0 if self._packets else 1 :]
+        for two, medians in enumerate(self._medians):
+            chosen = interval[of_dual == bool(two)]
+            if len(chosen):
+                medians.append((float(np.median(chosen)), len(chosen)))
         at = np.flatnonzero(missing)
         previous = np.concatenate([[before], azimuth[:-1]])
         gaps = np.stack([self._packets + at, missing[at], previous[at], azimuth[at]], axis=1)
@@ -521,16 +537,16 @@ class Gaps:
         self._packets += len(time_s)
         self._last = (float(time_s[-1]), int(azimuth[-1]))
 
-    @property
-    def interval_s(self) -> float:
+    def interval_s(self, *, dual: bool) -> float:
         """Median time between packets; NaN without time, or if most times are equal.
 
         It is the weighted median of the medians of all chunks: exact enough for a rate, and its
-        memory does not grow with the packets.
+        memory does not grow with the packets. It is that of packets with two returns of a shot, or
+        with one.
         """
-        if not self._medians:
+        if not self._medians[dual]:
             return float("nan")
-        medians = np.array(self._medians)
+        medians = np.array(self._medians[dual])
         ascending = np.argsort(medians[:, 0])
         half = np.searchsorted(np.cumsum(medians[ascending, 1]), medians[:, 1].sum() / 2)
         interval_s = float(medians[ascending[half], 0])
@@ -556,12 +572,13 @@ class Gaps:
         turns = (self._packets + int(gaps[:, 1].sum())) * size / AZIMUTH_TICKS
         if not (turns >= _VIEW_TURNS and len(gaps) >= _VIEW_SHARE * turns):
             return nowhere
-        width = int(np.ceil(_BLIND_STEPS * size))
+        width = int(np.ceil(max(_BLIND_STEPS * size, _BLIND_TICKS)))
         if not 0 < width < AZIMUTH_TICKS:
             return nowhere
         few = int(_BLIND_SHARE * _BLIND_STEPS * turns)
         empty = _ahead(self._starts, width) <= few
-        return np.asarray(_ahead(empty[::-1].astype(np.int64), width)[::-1] > 0)
+        blind = np.asarray(_ahead(empty[::-1].astype(np.int64), width)[::-1] > 0)
+        return nowhere if blind.all() else blind
 
     def result(
         self, step_ticks: float, blind: NDArray[np.bool_], begins: NDArray[np.int64]

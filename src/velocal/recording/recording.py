@@ -269,7 +269,7 @@ def open_recording(
     port : int, optional
         UDP port to which the scanner sends, where a capture holds several scanners.
     address : str, optional
-        IP address from which it sends; in a bag, its topic.
+        IPv4 address from which it sends; in a bag, its topic.
 
     Returns
     -------

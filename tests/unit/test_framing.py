@@ -23,6 +23,7 @@ from support.capture import (
 from velocal.capture import framing
 from velocal.capture.reading import open_capture
 from velocal.errors import RecordingError
+from velocal.packets.data import check_payloads
 from velocal.recording.scan import inspect
 
 N = 24
@@ -258,6 +259,24 @@ def test_a_long_stretch_of_junk_is_skipped(header, payloads, tmp_path, monkeypat
     junk = b"\xff" * 17_003
     path = write(tmp_path, [*records[:9], junk, *records[9:]])
     assert_found(path, payloads, ALL, {LOST: (1, len(junk))})
+
+
+def test_payloads_are_found_in_one_way():
+    """Flags as an array, as a pattern and of a whole packet: the same packets are payloads."""
+    rng = np.random.default_rng(4)
+    packets = spin(400)
+    flags = np.array([[0xFF, 0xEE], [0xFF, 0xBB], [0, 0], [0xFF, 0xFF], [0, 0xEE], [0xFF, 0]])
+    for packet in packets:
+        for block in rng.integers(6, 12, 3):
+            packet[100 * block : 100 * block + 2] = flags[rng.integers(len(flags))]
+        if rng.random() < 0.4:
+            packet[800:1200:100], packet[801:1200:100] = flags[2]
+    known, _ = check_payloads(packets)
+    assert 50 < known.sum() < 350
+    found = np.array([len(framing.payload_positions(packet)) == 1 for packet in packets])
+    np.testing.assert_array_equal(found, known)
+    found = np.array([framing.find_payload(bytes(packet), 0) == 0 for packet in packets])
+    np.testing.assert_array_equal(found, known)
 
 
 @pytest.mark.parametrize("header", [0, 42])

@@ -52,7 +52,7 @@ def cut(frames: list[bytes], captured: int) -> bytes:
 # -- nothing usable --------------------------------------------------------------------------------
 
 NOTHING = {
-    "no packets": (pcap_head(), "no valid data packet", "ledger"),
+    "no packets": (pcap_head(), "no valid data packet", "filter"),
     "snapped": (
         cut([*FRAMES, POSITION], 600),
         r"by number: captured 600 of 1248 bytes \(24\); position packets \(1\)",
@@ -148,6 +148,8 @@ KINDS = {
     "7z": (b"7z\xbc\xaf\x27\x1c" + bytes(99), "7z archive", "`7z x 'a b.pcap'`"),
     "tar": (b"x.pcap".ljust(257, b"\0") + b"ustar\0" + bytes(99), "tar", "tar -xf 'a b.pcap'"),
     "tar.gz": (gzip.compress(b"x".ljust(257, b"\0") + b"ustar\0"), "tar", "tar -xf"),
+    "damaged gzip": (b"\x1f\x8b" + bytes(99), "its gzip data are damaged", "`gunzip 'a b.pcap'`"),
+    "damaged xz": (b"\xfd7zXZ\0" + bytes(99), "its xz data are damaged", "`unxz 'a b.pcap'`"),
     "points": (b"LASF" + bytes(99), "LAS file of points", "packets"),
     "zeros": (bytes(5000), "zeros only", "Copy it again"),
     "text": (b"x,y,z\n1,2,3\n", "no recording", "tcpdump"),
@@ -336,6 +338,15 @@ def test_a_bag_of_other_topics(tmp_path):
     assert "/points of type sensor_msgs/msg/PointCloud2, 2 messages" in text
     assert "/imu of type sensor_msgs/msg/Imu, 0 messages" in text
     assert "computed with a calibration already" in text
+
+
+def test_a_bag_whose_only_chunk_is_cut(tmp_path):
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    content = write_ros1(tmp_path / "x.bag", SCANS).read_bytes()
+    path = write(tmp_path, content[: len(content) // 2], "cut.bag")
+    with pytest.raises(RecordingError, match=r"bag cut short or damaged \(1\)") as caught:
+        open_capture(path)
+    assert "reindex" in (caught.value.hint or "")
 
 
 def test_a_view_is_no_table(tmp_path):

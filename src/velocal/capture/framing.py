@@ -21,6 +21,7 @@ from velocal.capture.chunk import Chunk
 from velocal.capture.compressed import Content
 from velocal.capture.ledger import Ledger
 from velocal.packets.data import DUAL_BANKS_BLOCKS, FLAG_POSITIONS, PAYLOAD_BYTES
+from velocal.scanner.models import BANK_FLAGS
 
 #: Bytes that are read at a time.
 CHUNK_BYTES = 8 << 20
@@ -30,6 +31,8 @@ FIRST_BYTES = 1 << 15
 SEARCH_BYTES = 1 << 20
 #: Bytes in which a payload is looked for first.
 NEAR_BYTES = 1 << 13
+#: By second byte: whether it is that of a block flag, whose first byte is FF.
+_SECOND_OF_FLAG = np.isin(np.arange(256), [flag >> 8 for flag in BANK_FLAGS])
 #: Longest packet that a header may state; a longer one is a damaged header.
 MAX_CAPTURED = 1 << 18
 
@@ -89,24 +92,18 @@ def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     last = len(data) - PAYLOAD_BYTES
     if last < 0:
         return np.empty(0, dtype=np.int64)
-    candidate = np.ones(last + 1, dtype=bool)
-    empty = candidate
-    for number, at in enumerate(FLAG_POSITIONS):
-        first, second = data[at : at + last + 1], data[at + 1 : at + 1 + last + 1]
-        if number == 0:
-            candidate = first == 0xFF
-        if number == DUAL_BANKS_BLOCKS:
-            empty = candidate.copy()
-        flagged = (first == 0xFF) & ((second == 0xEE) | (second == 0xDD))
-        flagged |= (first == 0xFF) & ((second == 0xCC) | (second == 0xBB))
-        candidate &= flagged
-        if number >= DUAL_BANKS_BLOCKS:
-            empty &= (first == second) & ((first == 0) | (first == 0xFF))
-        elif not candidate.any():
-            break
-    else:
-        candidate |= empty
-    return np.flatnonzero(candidate)
+
+    def of_bank(places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return np.asarray((data[places] == 0xFF) & _SECOND_OF_FLAG[data[places + 1]])
+
+    positions: NDArray[np.int64] = np.flatnonzero(data[: last + 1] == 0xFF)
+    for at in FLAG_POSITIONS[:DUAL_BANKS_BLOCKS]:
+        positions = positions[of_bank(positions + at)]
+    tails = positions[:, None] + FLAG_POSITIONS[DUAL_BANKS_BLOCKS:]
+    first, second = data[tails], data[tails + 1]
+    empty = (first == second) & ((first == 0) | (first == 0xFF))
+    complete: NDArray[np.bool_] = of_bank(tails).all(axis=1) | empty.all(axis=1)
+    return positions[complete]
 
 
 def _pattern() -> re.Pattern[bytes]:

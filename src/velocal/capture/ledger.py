@@ -120,7 +120,9 @@ class Ledger:
             found.append(f"{len(reasons) - TOLD} other reasons")
         hint = next((_HINTS[k] for r in reasons for k in _HINTS if r.startswith(k)), _WHOLE)
         what = "holds no valid data packet"
-        if found:
+        if not found:
+            hint = "It holds no packets at all: its filter may leave out the scanner."
+        else:
             what += f"; it holds, by number: {'; '.join(found)}"
         return NothingUsableError(what, self, where=where, hint=hint)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -308,13 +309,22 @@ def open_capture(path: Path, source: SourceFilter = ANY_SOURCE) -> Capture:
         return Capture(path, SourceFilter(address=topic), None, None, head)
     compression = compression_of(head)
     if compression is not None:
+        unpack = f"`{compression.command} {shlex.quote(path.name)}`"
         with path.open("rb") as file:
-            head = UnpackedContent(file, compression).read(HEAD_BYTES)
+            content = UnpackedContent(file, compression)
+            head = content.read(HEAD_BYTES)
+        if not head and content.unreadable:
+            raise RecordingError(
+                f"cannot be unpacked: its {compression.name} data are damaged, or need more memory "
+                "than is allowed",
+                where=str(path),
+                hint=f"Copy it again, or unpack it with {unpack}.",
+            )
         if rosbag.is_bag(head):
             raise RecordingError(
                 "is a compressed ROS bag",
                 where=str(path),
-                hint=f"Unpack it with `{compression.command} {path.name}`.",
+                hint=f"Unpack it with {unpack}.",
             )
     framing = detect(head, str(path))
     if source != ANY_SOURCE and not framing.addressed:

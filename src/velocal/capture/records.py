@@ -84,12 +84,10 @@ class Records:
         suspect = np.flatnonzero(~flags_known & ~np.append(flags_known[1:], False))
         aligned = int(suspect[0]) if len(suspect) else n
         offsets = position + size * np.arange(aligned, dtype=np.int64)
-        chunk = self._found(
-            records[:aligned], payloads[:aligned], offsets, position + aligned * size
-        )
-        return keep_valid(
-            chunk, ledger, (flags_known[:aligned], azimuths_valid[:aligned])
-        ), aligned * size
+        here = aligned * size
+        chunk = self._found(records[:aligned], payloads[:aligned], offsets, position + here)
+        checked = flags_known[:aligned], azimuths_valid[:aligned]
+        return keep_valid(chunk, ledger, checked), here
 
     def _walk(self, data: bytes, here: int, ledger: Ledger) -> tuple[NDArray[np.int64], int]:
         """Where records begin from a byte on, one by one, and where the last one ends."""
@@ -118,9 +116,8 @@ class Records:
     ) -> Chunk:
         """Valid records of those that begin at `places`."""
         size = self.header_bytes + PAYLOAD_BYTES
-        records = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), size)[
-            places
-        ]
+        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), size)
+        records = windows[places]
         payloads = np.ascontiguousarray(records[:, self.header_bytes :])
         return keep_valid(self._found(records, payloads, position + places, end), ledger)
 

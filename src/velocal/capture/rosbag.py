@@ -33,6 +33,8 @@ _STAMP_BYTES = 8
 #: Types whose messages hold points instead of packets.
 _CLOUDS = ("PointCloud2", "PointCloud", "LaserScan")
 
+_REINDEX = "`ros2 bag reindex` or `rosbag reindex` may repair it."
+
 
 def is_bag(head: bytes) -> bool:
     """Whether a file is a bag, by its first bytes."""
@@ -131,13 +133,17 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
             scans[topic.name] += n
     if not scans:
         types = {f"{topic.name} of type {topic.type}": n for topic, n in counts.items()}
-        clouds = any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts)
+        parts = (part for file in files(path) for part in _messages(file))
+        damage = Counter(part.reason for part in parts if isinstance(part, Unusable))
+        what = f"it holds {listed(types, 'messages') if types else 'no messages'}"
+        what += "".join(f"; {reason} ({n})" for reason, n in damage.items())
+        hint = "Record the topic /velodyne_packets."
+        if any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts):
+            hint += " Clouds of points were computed with a calibration already."
         raise RecordingError(
-            "is a ROS bag without messages of type VelodyneScan"
-            + (f"; it holds {listed(types, 'messages')}" if types else "; it holds no messages"),
+            f"is a ROS bag without messages of type VelodyneScan; {what}",
             where=str(path),
-            hint="Record the topic /velodyne_packets."
-            + (" Clouds of points were computed with a calibration already." if clouds else ""),
+            hint=_REINDEX if damage else hint,
         )
     if port or (address and address not in scans):
         raise RecordingError(
@@ -198,7 +204,7 @@ def _damaged(path: Path, why: str) -> RecordingError:
     return RecordingError(
         f"cannot be read as a ROS bag: {why}",
         where=str(path),
-        hint="`ros2 bag reindex` or `rosbag reindex` may repair it.",
+        hint=_REINDEX,
     )
 
 

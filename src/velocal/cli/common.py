@@ -25,7 +25,7 @@ File = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
-        help="Capture: records of 1206 or 1248 bytes, pcap, pcapng, any of them gzipped; ROS bag.",
+        help="Capture: records of 1206 or 1248 bytes, pcap, pcapng, compressed or not; ROS bag.",
     ),
 ]
 Port = Annotated[
@@ -34,7 +34,7 @@ Port = Annotated[
 ]
 Address = Annotated[
     str | None,
-    typer.Option("--address", help="IPv4 address from which it sends; in a bag, its topic."),
+    typer.Option("--address", help="IP address from which it sends; in a bag, its topic."),
 ]
 ScannerName = Annotated[
     str | None,

@@ -9,7 +9,7 @@ import numpy as np
 
 from velocal.adjustment.unit.assemble import assemble
 from velocal.adjustment.unit.corrected_survey import CorrectedSurvey
-from velocal.adjustment.unit.model import UNKNOWNS, linearise
+from velocal.adjustment.unit.model import UNKNOWNS, about_scanner, linearise
 from velocal.adjustment.unit.noise import FIRST_LENGTH
 from velocal.adjustment.unit.population import find_mode, integrate
 from velocal.adjustment.unit.result import UnitCalibration
@@ -22,6 +22,11 @@ from velocal.scanner.parameters import LaserParameters
 
 #: Assignments after which `readjust` gives up.
 MAX_PASSES = 5
+#: After the linearisations of the settings, the model is linearised again, at most this often in
+#: all, until no pose turns by more than this: a pose that is wrong by some degrees is found in
+#: steps, and each leaves terms of second order of the next.
+MAX_LINEARISATIONS = 8
+SAME_POSE_RAD = float(np.deg2rad(0.1))
 #: Share of the observations of a laser on a plane that may change in the last assignment.
 UNCHANGED = 0.02
 
@@ -60,29 +65,36 @@ def adjust_unit(
     stations = _checked(stations)
     bins = azimuth_bins(stations, factory, settings.azimuth_bin_rad)
     x = np.zeros((len(factory), len(UNKNOWNS)))
-    survey = CorrectedSurvey.none(stations)
+    centred = [about_scanner(station) for station in stations]
+    survey = CorrectedSurvey.none(centred)
     relief = np.zeros(len(bins.mean.phi))
     mode: Array | None = None
-    for number in range(1, settings.linearisations + 1):
+    number = 0
+    while True:
+        number += 1
+        enough = number >= settings.linearisations
         moved = survey.bins(bins)
         at = linearise(moved, factory, x, settings.far_point_m)
         # What the survey explains of the residuals has a longer correlation than the pattern: the
         # length is estimated when that has been subtracted.
-        length = FIRST_LENGTH if number < settings.linearisations else None
+        length = None if enough else FIRST_LENGTH
         left = at.z - relief
         at = replace(at, z=at.z + survey.accounted(moved, at))
         stage = make_stage(survey.moved(), len(factory), moved, at, left, settings, length)
         mode = find_mode(stage.population, stage.sums, mode)
-        if number < settings.linearisations:
-            best = stage.describe(
-                stage.population.posterior(stage.sums, mode), stage.population.values(mode)
-            )
-            x = best.unknowns
-            errors = best.common[stage.layout.survey]
-            survey = CorrectedSurvey.of(stations, stage.shared, errors)
-            places = stage.shared.columns("flatness")
-            relief = stage.shared.matrix[:, places] @ errors[places]
-    assert mode is not None
+        if enough and settings.linearisations == 1:
+            break
+        best = stage.describe(
+            stage.population.posterior(stage.sums, mode), stage.population.values(mode)
+        )
+        errors = best.common[stage.layout.survey]
+        corrected = CorrectedSurvey.of(centred, stage.shared, errors)
+        turn = np.abs(corrected.pose[:, :3] - survey.pose[:, :3]).max()
+        if enough and (turn < SAME_POSE_RAD or number >= MAX_LINEARISATIONS):
+            break
+        x, survey = best.unknowns, corrected
+        places = stage.shared.columns("flatness")
+        relief = stage.shared.matrix[:, places] @ errors[places]
     integrated = integrate(
         stage.population, stage.sums, mode, settings.integration_points, stage.describe
     )

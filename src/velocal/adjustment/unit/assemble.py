@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.result import CalibrationSet, LaserQuality
 from velocal.adjustment.unit.common_mean import DATUM
 from velocal.adjustment.unit.describe import Description
-from velocal.adjustment.unit.model import Linearised
+from velocal.adjustment.unit.model import Linearised, lever
 from velocal.adjustment.unit.noise import Noise
 from velocal.adjustment.unit.population import SHRINKING, Integrated, Population, quantiles
 from velocal.adjustment.unit.result import (
@@ -233,7 +233,7 @@ def _station_effect(
     start = layout.survey.start
     place = layout.common_shift.start + number
     own = bins.mean.station_number == number
-    turn = stage.shared.pose(number)
+    turn = lever(station.survey.translation) @ stage.shared.pose(number)
     pose = turn @ errors
     pose_covariance = turn @ covariance[layout.survey, layout.survey] @ turn.T
     corrections = {}

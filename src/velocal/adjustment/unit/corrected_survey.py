@@ -24,9 +24,9 @@ class CorrectedSurvey:
     Attributes
     ----------
     stations : tuple of UnitStation
-        As surveyed.
+        As surveyed, with poses about the scanner (`model.about_scanner`).
     pose : ndarray, shape (stations, 6)
-        Rotation vector and translation of the correction of each `T_scanner_site` (rad, m).
+        Rotation vector and movement of the site about each scanner (rad, m).
     planes : tuple of ndarray, shape (planes, 4)
         Corrections of normal and offset of the planes of every station; in the site frame where
         the pose is known, else in that of the scanner.

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.functional import ADJUSTABLE
 from velocal.adjustment.nuisance import by_plane, by_pose
-from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import Bins, UnitStation
 from velocal.arrays import Array
@@ -122,7 +121,8 @@ class Effect:
     columns : slice
         Among all shared unknowns of this module.
     root : ndarray
-        What the unknowns are multiplied by to get corrections of pose (6, 6) or plane (4, 3);
+        What the unknowns are multiplied by to get corrections of pose (6, 6), as movements of the
+        base, or plane (4, 3);
         that of planes is in the site frame where the pose is known. The roots of all stations
         stand one below the other in what their poses have in common. Empty for relief.
     """
@@ -214,6 +214,7 @@ def shared_effects(
     Parameters
     ----------
     stations : sequence of UnitStation
+        With poses about the scanner, see `about_scanner`.
     bins : Bins
     at : Linearised
         Where the derivatives are taken.
@@ -255,7 +256,7 @@ def shared_effects(
     together, roots = np.zeros((n, 6)), []
     for number, station in enumerate(stations):
         rows = np.flatnonzero(station_of == number)
-        root = _pose_root(station.survey)
+        root = symmetric_root(station.survey.pose)
         derivative = by_pose(
             at.point[rows], bins.mean.normal[rows], at.towards[rows], station.survey.translation
         )
@@ -297,18 +298,37 @@ def shared_effects(
     return Shared(np.concatenate(blocks, axis=1), tuple(effects))
 
 
-def _pose_root(survey: SurveyUncertainty) -> Array:
-    """Root of the covariance of a pose whose columns are movements of the base, shape (6, 6).
+def lever(translation: Array) -> Array:
+    """Change of rotation vector and translation of ``T_scanner_site`` by a movement of the base.
+
+    An error of the base targets turns the site about the scanner by w and moves it by r: the
+    rotation vector changes by w, the translation t by ``r + w x t``.
+
+    Parameters
+    ----------
+    translation : ndarray, shape (3,)
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+    """
+    found = np.eye(6)
+    found[3:, :3] = -skew(translation)
+    return found
+
+
+def about_scanner(station: UnitStation) -> UnitStation:
+    """State the pose of a station as a movement of its base, about the origin of the scanner.
 
     The translation of ``T_scanner_site`` contains the rotation times the place of the origin of the
-    site, which is another one at every station. An error of the base targets, which all stations
-    have in common, turns the site about the scanner by w and moves it by r: the rotation vector
-    changes by w, the translation t by ``r + w x t``.
+    site. That is another one at every station, so that it hides what the errors of the base have in
+    common; and it is metres away, so that the terms of second order of a rotation matter there.
     """
-    about = np.eye(6)
-    about[3:, :3] = -skew(survey.translation)
-    back = np.linalg.inv(about)
-    return np.asarray(about @ symmetric_root(back @ survey.pose @ back.T))
+    back = np.linalg.inv(lever(station.survey.translation))
+    survey = replace(
+        station.survey, translation=np.zeros(3), pose=back @ station.survey.pose @ back.T
+    )
+    return replace(station, survey=survey)
 
 
 def _site_root(stations: Sequence[UnitStation], number: int, plane: int) -> Array:

@@ -61,7 +61,8 @@ class UnitSettings:
         Number of values of the standard deviations of the unit over which the result is
         averaged; 1 for the most probable values alone.
     linearisations : int
-        How often the model is linearised.
+        How often the model is linearised at least; more often where a pose still turns (not
+        if it is 1).
     """
 
     azimuth_bin_rad: float = float(np.deg2rad(0.9))

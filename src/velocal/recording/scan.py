@@ -22,9 +22,10 @@ from velocal.io.identity import identify
 from velocal.packets.data import BLOCKS, MODES, flags_and_azimuths, median_azimuth_step, view
 from velocal.packets.dual import dual_packets
 from velocal.packets.status import TRAILING, StatusReader
+from velocal.recording.gaps import Gaps, Missing
 from velocal.recording.inspection import Inspection
 from velocal.recording.rotation_index import RotationIndex
-from velocal.recording.timing import Clock, Gaps, Missing
+from velocal.recording.timing import Clock
 from velocal.scanner.models import AZIMUTH_TICKS, BANK_FLAGS, SCANNERS
 from velocal.study.samples import MAX_MISSING
 

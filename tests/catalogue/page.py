@@ -25,6 +25,15 @@ KINDS: dict[str, tuple[Case, ...]] = {
 HEADINGS = ("what is wrong", "what happens", "message")
 
 
+#: Python words some of the messages; those of another version are not compared.
+PYTHON = "Python {}.{}".format(*sys.version_info)
+
+
+def count() -> str:
+    """Number of all cases, and what made the messages."""
+    return f"{sum(map(len, KINDS.values()))} cases; messages as with {PYTHON}."
+
+
 def row(case: Case, result: Result) -> str:
     """Line of the page for a case."""
     said = [code(result.message)] if result.message else []
@@ -66,8 +75,7 @@ def write() -> None:
             if (one.outcome == case.outcome) == bool(case.pending):
                 what = "is no longer pending" if case.pending else f"has to be {case.outcome}"
                 print(f"{kind}: {case.wrong}: {one.outcome}, {what}: {one.message}")
-    count = sum(map(len, KINDS.values()))
-    text = inserted(text, "count", f"{count} cases.")
+    text = inserted(text, "count", count())
     storage.write_text(PAGE, text)
 
 

@@ -73,7 +73,7 @@ _REFUSED = {
     "survey: a standard deviation of 1e300 mm": _row("wall1_1,wall1,5,0,0,1e300,1,1"),
     "survey: a target twice": replaced((PLANES, "wall1_2", "wall1_1")),
     "survey: a quote that is not closed": _row('"wall1_1,wall1,5,0,0,1,1,1'),
-    "survey: # in a name without quotes": _row("wall#1,wall1,5,0,0,1,1,1"),
+    "survey: `#` in a name without quotes": _row("wall#1,wall1,5,0,0,1,1,1"),
     "survey: no target of a plane that is used": rewritten(
         PLANES, lambda text: text.replace(",floor,", ",ground,")
     ),
@@ -188,8 +188,8 @@ _USED = {
     "survey: a plane called null": _all_named("null"),
     "survey: a plane called 1": _all_named("1"),
     "survey: a plane called true": _all_named("true"),
-    "survey: a plane called $x^2$": _all_named("$x^2$"),
-    "survey: a plane called <b>": _all_named("<b>"),
+    "survey: a plane called `$x^2$`": _all_named("$x^2$"),
+    "survey: a plane called `<b>`": _all_named("<b>"),
     "samples: commas between the columns": rewritten(SAMPLES, lambda text: text.replace("\t", ",")),
     "samples: byte order mark and Windows ends of lines": rewritten(
         SAMPLES, lambda text: b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode()

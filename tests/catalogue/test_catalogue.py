@@ -3,7 +3,7 @@
 import pytest
 
 from catalogue.case import Case, Outcome, run
-from catalogue.page import KINDS, PAGE, row
+from catalogue.page import KINDS, PAGE, PYTHON, row
 from velocal.io.markup import marked
 
 CASES = [(kind, case) for kind, cases in KINDS.items() for case in cases]
@@ -21,15 +21,16 @@ def test_case(kind: str, case: Case, tmp_path):
     assert result.outcome == case.outcome, result.message
     if case.outcome is Outcome.REFUSED:
         assert result.message
-    _, content = marked(PAGE.read_text(encoding="utf-8"))[kind]
-    assert row(case, result) in content.splitlines(), AGAIN
+    page = marked(PAGE.read_text(encoding="utf-8"))
+    if PYTHON in page["count"][1]:
+        assert row(case, result) in page[kind][1].splitlines(), AGAIN
 
 
 def test_the_page_has_these_cases_and_no_others():
     assert len(CASES) >= 160
     found = marked(PAGE.read_text(encoding="utf-8"))
     assert found.keys() == {"count", *KINDS}
-    assert found["count"][1] == f"{len(CASES)} cases.", AGAIN
+    assert found["count"][1].startswith(f"{len(CASES)} cases;"), AGAIN
     for kind, cases in KINDS.items():
         names = [case.wrong for case in cases]
         assert len(set(names)) == len(names)

@@ -19,6 +19,7 @@ from velocal.io.output import new_file
 
 #: Metadata key under which facts about a table are kept, as JSON.
 FACTS = b"velocal.facts"
+_DAMAGED = "If the file is there, it is damaged: delete it, and make it again."
 
 
 def write_blocks(path: Path, blocks: Iterable[bytes]) -> None:
@@ -85,10 +86,10 @@ def read_json(path: Path) -> dict[str, Any]:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise StorageError(f"cannot be read: {error}", where=str(path), hint=_DAMAGED) from None
     if not isinstance(content, dict):
-        raise StorageError("is not a JSON object", where=str(path))
+        raise StorageError("is not a JSON object", where=str(path), hint=_DAMAGED)
     return content
 
 
@@ -173,7 +174,7 @@ def read_table(
         raise StorageError(
             f"cannot be read: {reason}",
             where=str(path),
-            hint="The file is damaged: delete it, and make it again.",
+            hint=_DAMAGED,
         ) from None
 
 
@@ -230,5 +231,5 @@ def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, 
         if names:
             table[names] = pd.read_csv(path, usecols=names, dtype=str, na_filter=False)[names]
     except (OSError, ValueError) as error:
-        raise StorageError(f"cannot be read: {error}", where=str(path)) from None
+        raise StorageError(f"cannot be read: {error}", where=str(path), hint=_DAMAGED) from None
     return {str(name): table[name].to_numpy() for name in table.columns}

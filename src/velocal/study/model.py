@@ -219,9 +219,10 @@ class _Walk:
         finite = isinstance(value, int) or math.isfinite(value)
         if finite and (value == 0 or 1 / LARGEST <= abs(value) <= LARGEST):
             return
-        said = f"{value!r} is not finite" if not finite else f"{value!r}"
-        if isinstance(value, int) and len(said) > 30:
-            said = f"a whole number of {len(str(abs(value)))} digits"
+        if isinstance(value, int) and abs(value) > LARGEST:  # Python writes no huge numbers
+            said = f"a whole number of {math.floor(math.log10(abs(value))) + 1} digits"
+        else:
+            said = f"{value!r}" if finite else f"{value!r} is not finite"
         raise ConfigError(
             f"{place}: {said}" if place else said,
             where=self.where,

@@ -67,8 +67,6 @@ class Case:
         Arguments of `velocal`; `PLAN`; or "read", the name of a reader in `READERS`, and a file.
     disk_bytes : int, optional
         Largest size of a file while the command runs: stands for a disk that is full.
-    pending : str
-        Why today's outcome is another one; empty if it is as it has to be.
     """
 
     wrong: str
@@ -76,7 +74,6 @@ class Case:
     make: Callable[[Path], object]
     command: tuple[str, ...]
     disk_bytes: int | None = None
-    pending: str = ""
 
 
 @dataclass(frozen=True)

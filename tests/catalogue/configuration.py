@@ -32,7 +32,7 @@ reduction: {min_count: 5}
 """
 _ADJUSTMENT = "adjustment: {method: %s, parameters: %s, noise_cm: 2.0, prior: {dl_cm: 2.0}}"
 _TITLE = 'study: "Calibration of an HDL-32E"'
-_ROTATIONS, _SIGMA = "rotations: 100", "sigma_cm: 2.0"
+_ROTATIONS, _SIGMA = "rotations: 100", "# sigma_cm: 2.0"
 
 _REFUSED = {
     "empty file": rewritten(CONFIG, lambda _: ""),

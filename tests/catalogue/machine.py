@@ -195,30 +195,8 @@ _FULL = {
     "init": (lambda folder: None, ("init", "study")),
 }
 
-#: Cases whose outcome is not yet what it has to be.
-_WRITER = "the writer of all outputs is being made"
-_PENDING = dict.fromkeys(
-    (
-        *_FULL,
-        "decode: the output is the recording",
-        "decode: the output is a folder",
-        "decode: the folder of the output is missing",
-        "decode: the folder of the output is a file",
-        "decode: the output is a pipe",
-        "decode: a name of 300 characters",
-        "points: the output is the recording",
-        "points: the folder of the output is missing",
-        "convert: the output is a folder",
-        "init: a file in place of the folder",
-    ),
-    _WRITER,
-)
-
 CASES = (
-    *(
-        Case(wrong, Outcome.REFUSED, make, command, pending=_PENDING.get(wrong, ""))
-        for wrong, (make, command) in _REFUSED.items()
-    ),
+    *(Case(wrong, Outcome.REFUSED, make, command) for wrong, (make, command) in _REFUSED.items()),
     *(
         Case(
             f"{command}: the disk is full",
@@ -226,7 +204,6 @@ CASES = (
             make,
             arguments,
             disk_bytes=200,
-            pending=_PENDING.get(command, ""),
         )
         for command, (make, arguments) in _FULL.items()
     ),

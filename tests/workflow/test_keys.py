@@ -85,6 +85,7 @@ def offset(name: str) -> tuple[tuple[tuple[str, ...], Any], ...]:
 
 
 OF_UNIT = (("scanner", "HDL-64E"), ("unit", "unit"))
+OF_WINDOW = (("sample", "sa3"), ("window", "beginning"))
 UNIT = ((("calibrations",), {"HDL-64E": {"unit": ["sa3"]}}),)
 WITHOUT_SURVEY = (("scanner", "HDL-32E"), ("unit", "walls"))
 UNSURVEYED_UNIT = (
@@ -187,7 +188,8 @@ CHANGES = {
     },
     "joint.near_points": change(
         "joint.near_points", False, Given("adjust_unit", "joint", OF_UNIT),
-        f"results/statistics/calibration/{SA3}.csv", f"results/statistics/validation/{SA3}.csv",
+        Given("residuals_calibration", "near_points", OF_WINDOW),
+        Given("residuals_validation", "near_points", OF_WINDOW),
         before=(*UNIT, (("joint", "near_points"), True)),
     ),
     "export.distance": change(

@@ -58,7 +58,7 @@ class AppliedCalibration:
     def has_near_points(self) -> bool:
         """Whether near-point corrections take effect, so that `model` is not all."""
         effective = self.dialect.effective(self.parameters, self.scanner)
-        return any(bool((near != effective.dl).any()) for near in self.dialect.near(effective))
+        return self.dialect.has_near(effective)
 
     def points(
         self,

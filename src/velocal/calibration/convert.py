@@ -112,9 +112,7 @@ def incompatibilities(
     found = []
     if scanner is not None:
         parameters = source.effective(parameters, scanner)
-    x, y = source.near(parameters)
-    acts = (x != parameters.dl) | (y != parameters.dl)
-    if acts.any() and source.two_point != target.two_point:
+    if source.has_near(parameters) and source.two_point != target.two_point:
         one, other = source.two_point, target.two_point
         if other is None:
             found.append(f"{target.name} does not read near-point corrections")

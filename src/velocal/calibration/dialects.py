@@ -163,6 +163,10 @@ class Dialect:
                 acts = nonzero
         return np.where(acts, x, parameters.dl), np.where(acts, y, parameters.dl)
 
+    def has_near(self, parameters: LaserParameters) -> bool:
+        """Whether near-point corrections of any laser take effect."""
+        return any(bool((each != parameters.dl).any()) for each in self.near(parameters))
+
     def policy(self, scanner: Scanner) -> Interpolation:
         """Look up how the program finds the azimuths of a scanner's lasers.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,9 +31,7 @@ def misfit_rad(v: Array, scanner: Scanner) -> float:
         Median of the differences, radians; infinite for another number of lasers, or if no angle
         is known.
     """
-    if len(v) != scanner.n_lasers or np.isnan(v).all():
-        return float("inf")
-    return float(np.nanmedian(np.abs(v - scanner.vertical_rad)))
+    return _median(v, scanner.vertical_rad)
 
 
 def is_like(v: Array, scanner: Scanner) -> bool:
@@ -44,8 +41,13 @@ def is_like(v: Array, scanner: Scanner) -> bool:
 
 def _disordered_rad(v: Array, scanner: Scanner) -> float:
     ordered = np.sort(scanner.vertical_rad)
-    ways = (replace(scanner, vertical_rad=way) for way in (ordered, -ordered[::-1]))
-    return min(misfit_rad(np.sort(v), way) for way in ways)
+    return min(_median(np.sort(v), way) for way in (ordered, -ordered[::-1]))
+
+
+def _median(v: Array, nominal: Array) -> float:
+    if len(v) != len(nominal) or np.isnan(v).all():
+        return float("inf")
+    return float(np.nanmedian(np.abs(v - nominal)))
 
 
 def fitting(v: Array) -> Iterator[Scanner]:

@@ -91,9 +91,8 @@ class Candidate:
 
     def shown(self) -> tuple[Candidate, ...]:
         """Give this calibration, and what the paper makes of the same file where that differs."""
-        parameters = self.parameters
-        if self.near_points and any((x != parameters.dl).any() for x in MANUAL.near(parameters)):
-            return self, Candidate(Role.FACTORY_SINGLE, parameters)
+        if self.near_points and MANUAL.has_near(self.parameters):
+            return self, Candidate(Role.FACTORY_SINGLE, self.parameters)
         return (self,)
 
 

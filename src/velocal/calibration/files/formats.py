@@ -253,8 +253,7 @@ def _of_model(
     if found.dialect is None:
         return found.parameters
     source, parameters = dialect_of(found, path), found.parameters
-    near = any(bool((each != parameters.dl).any()) for each in source.near(parameters))
-    target = MANUAL if near else PAPER
+    target = MANUAL if source.has_near(parameters) else PAPER
     rate_hz = found.rotation_rate_hz
     return convert(parameters, source, target, scanner=scanner, rate_hz=rate_hz, inexact=True)
 

@@ -204,6 +204,12 @@ def study_trial(scanner: str, stations: int, seed: int, *, two_point: bool = Fal
             for name, at in zip(NEAR_POINT, NEAR_M, strict=True)
         }
         true = replace(true, carried=near)
+        # What the file is wrong by at its points; the unknowns are the corrections at range zero
+        # and at the far point.
+        far = true.dl - factory.dl
+        at_near = near[NEAR_POINT[0]] - factory.carried[NEAR_POINT[0]]
+        at_zero = at_near + (at_near - far) * NEAR_M[0] / (FAR_M - NEAR_M[0])
+        spread |= {"dl": float(at_zero.std()), "scale": float(far.std())}
     else:
         factory = replace(factory, carried={TWO_POINT: np.zeros(len(slope))})
     return Trial(scanner, factory, true, slope, tuple(recorded), tuple(unseen), spread)

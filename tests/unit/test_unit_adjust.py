@@ -116,14 +116,15 @@ def test_corrected_pose_is_that_of_the_moved_planes(small):
     np.testing.assert_allclose(np.column_stack([moved.normal, moved.offset]), after.T, atol=1e-12)
 
 
-def test_a_pose_that_is_wrong_by_some_degrees_is_found(small):
+@pytest.mark.parametrize("linearisations", [1, 2])
+def test_a_pose_that_is_wrong_by_some_degrees_is_found(small, linearisations):
     """The lasers are as with the right pose, but for what the prior of the pose pulls.
 
     Without further linearisations, and with the pose about the origin of the site, dl is off by
     4 mm here.
     """
     factory, station, _ = small
-    settings = replace(QUICK, linearisations=2)
+    settings = replace(QUICK, linearisations=linearisations)
 
     def corrections(vector):
         turn = RigidTransformation(rotation_from_vector(vector), np.zeros(3), np.zeros((6, 6)))

@@ -27,6 +27,8 @@ MAX_PASSES = 5
 #: steps, and each leaves terms of second order of the next.
 MAX_LINEARISATIONS = 8
 SAME_POSE_RAD = float(np.deg2rad(0.1))
+#: The same where one linearisation is wanted, for a rough result.
+ROUGH_POSE_RAD = float(np.deg2rad(1.0))
 #: Share of the observations of a laser on a plane that may change in the last assignment.
 UNCHANGED = 0.02
 
@@ -82,15 +84,14 @@ def adjust_unit(
         at = replace(at, z=at.z + survey.accounted(moved, at))
         stage = make_stage(survey.moved(), len(factory), moved, at, left, settings, length)
         mode = find_mode(stage.population, stage.sums, mode)
-        if enough and settings.linearisations == 1:
-            break
         best = stage.describe(
             stage.population.posterior(stage.sums, mode), stage.population.values(mode)
         )
         errors = best.common[stage.layout.survey]
         corrected = CorrectedSurvey.of(centred, stage.shared, errors)
         turn = np.abs(corrected.pose[:, :3] - survey.pose[:, :3]).max()
-        if enough and (turn < SAME_POSE_RAD or number >= MAX_LINEARISATIONS):
+        allowed = SAME_POSE_RAD if settings.linearisations > 1 else ROUGH_POSE_RAD
+        if enough and (turn < allowed or number >= MAX_LINEARISATIONS):
             break
         x, survey = best.unknowns, corrected
         places = stage.shared.columns("flatness")

@@ -61,8 +61,8 @@ class UnitSettings:
         Number of values of the standard deviations of the unit over which the result is
         averaged; 1 for the most probable values alone.
     linearisations : int
-        How often the model is linearised at least; more often where a pose still turns (not
-        if it is 1).
+        How often the model is linearised at least; more often where a pose still turns
+        by more than 0.1 deg (1 deg if it is 1).
     """
 
     azimuth_bin_rad: float = float(np.deg2rad(0.9))

@@ -96,7 +96,9 @@ def payload_positions(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     def of_bank(places: NDArray[np.int64]) -> NDArray[np.bool_]:
         return np.asarray((data[places] == 0xFF) & _SECOND_OF_FLAG[data[places + 1]])
 
-    positions: NDArray[np.int64] = np.flatnonzero(data[: last + 1] == 0xFF)
+    # Long runs of FF are left out before places are listed.
+    starts = (data[: last + 1] == 0xFF) & (data[1 : last + 2] != 0xFF)
+    positions: NDArray[np.int64] = np.flatnonzero(starts)
     for at in FLAG_POSITIONS[:DUAL_BANKS_BLOCKS]:
         positions = positions[of_bank(positions + at)]
     tails = positions[:, None] + FLAG_POSITIONS[DUAL_BANKS_BLOCKS:]

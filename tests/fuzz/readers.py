@@ -47,7 +47,6 @@ from velocal.packets.firings import decode
 from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.identify import candidates
 from velocal.recording.returns import returns_of
-from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.scan import inspect
 from velocal.recording.windows import read_index, write_index
 from velocal.scanner.models import SCANNERS
@@ -162,12 +161,12 @@ def pcaps() -> list[bytes]:
         position,
         tagged(ip_packet(bare[1]), 0x8100),
         labelled(ip_packet(bare[1])),
-        ethernet6(ip6_packet(bare[2])),
         *[ethernet(piece) for piece in fragments(ip_packet(bare[2]), 1)],
         plain[3],
     ]
     raw = pcap_of(frames_of(PAYLOADS[:4], bytes), link=101, order=">", ticks=10**9)
-    return [pcap_of(plain), pcap_of(mixed), raw, pcap_of(frames_of(SLOW_CLOCK))]
+    six = pcap_of([ethernet6(ip6_packet(payload)) for payload in as_bytes(PAYLOADS[:5])])
+    return [pcap_of(plain), pcap_of(mixed), raw, six, pcap_of(frames_of(SLOW_CLOCK))]
 
 
 def pcapngs() -> list[bytes]:
@@ -352,17 +351,10 @@ def station(path: Path) -> None:
 
 
 def indices() -> list[bytes]:
-    n = 3
-    index = RotationIndex(
-        np.arange(n + 1) * 1206,
-        np.zeros(n + 1, dtype=np.int8),
-        np.arange(n + 1, dtype=np.int64),
-        np.arange(n + 1) * 0.1,
-        np.ones(n, dtype=bool),
-    )
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "x.parquet"
-        write_index(path, index)
+        recording, path = Path(folder) / "x.pcap", Path(folder) / "x.parquet"
+        recording.write_bytes(pcaps()[0])
+        write_index(path, inspect(recording).index)
         return [path.read_bytes()]
 
 

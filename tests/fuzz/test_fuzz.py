@@ -52,7 +52,14 @@ def ragged_station() -> bytes:
     return json.dumps(content).encode()
 
 
+def wordy_covariance() -> bytes:
+    content = json.loads(READERS["station"].seeds[0])
+    content["pose"]["covariance_rad_m"][0][0] = "NA"
+    return json.dumps(content).encode()
+
+
 FINDINGS = {
+    "a covariance with a text in it": ("station", wordy_covariance),
     "bytes after the end of compressed content were rejected": ("compressed", ends_within_headers),
     "a message of SQLite that is no UTF-8": (
         "db3",

@@ -31,6 +31,8 @@ def covariance_fault(matrix: Array, size: int | None = None) -> str | None:
         return f"it has the shape {matrix.shape}"
     if size is not None and len(matrix) != size:
         return f"it has {len(matrix)} rows, not {size}"
+    if matrix.dtype.kind not in "fiu":
+        return "not all of its values are numbers"
     if not np.isfinite(matrix).all():
         return "not all of its values are finite"
     variance = np.diag(matrix)

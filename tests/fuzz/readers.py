@@ -53,14 +53,10 @@ from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
 from velocal.study.config import StudyConfig
 from velocal.study.model import validated
+from velocal.study.reading import read_yaml
 from velocal.study.samples import SurveyedSample, read_samples
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
-
-try:
-    from velocal.study.reading import read_yaml
-except ImportError:  # before the reader of configurations has a module of its own
-    from velocal.study.model import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 

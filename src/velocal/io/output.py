@@ -86,7 +86,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
     with writing(path):
         # With O_EXCL a link that somebody has put there is an error, and is not followed.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
-        descriptor = os.open(temporary, flags, 0o666)
+        descriptor = os.open(temporary, flags, 0o666 if mode is None else mode)
     raw = _Descriptor(descriptor, path)
     file = io.BufferedWriter(raw, _BUFFER_BYTES)
     try:

@@ -288,14 +288,16 @@ def medians_of(cloud: planes_in_data.Cloud) -> dict[str, np.ndarray]:
 
 def fit(folder: Path, root: Path, cloud: planes_in_data.Cloud, **changed) -> dict[str, Path]:
     main = runpy.run_path(str(root / "scripts/fit_field_planes.py"))["main"]
+    folder.mkdir()
     path = folder / "medians.parquet"
     storage.write_table(path, schemas.MEDIANS, medians_of(cloud), rotation_rate_hz=10.0)
     outputs = {name: folder / f"planes.{name}" for name in ("svg", "png")}
     outputs |= {"planes": folder / "planes.json", "lasers": folder / "lasers.csv"}
+    outputs["members"] = folder / "planes.parquet"
     search = PlaneSearch(planes=2, distance_cm=6, extent_m=6, min_points=200,
               incidence_deg=70, seed=1)  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
-                 "sigma_cm": 2.0, **changed}  # fmt: skip
+                 "sigma_cm": 2.0, "near_points": True, **changed}  # fmt: skip
     main(medians=path, calibration=None, **outputs, **arguments)
     return outputs
 

@@ -55,7 +55,7 @@ def test_untouched_it_is_a_valid_study_without_a_survey(scanner, tmp_path, monke
     for name, arguments in (("a", ["--no-survey"]), ("b", ["--recording", capture])):
         done = init(tmp_path / name, "--scanner", scanner, *arguments)
         assert done.exit_code == 0, done.output
-        assert "snakemake --cores 2" in done.output
+        assert "velocal run --cores 2" in done.output
         monkeypatch.chdir(tmp_path / name)
         study = read_study(read_yaml(tmp_path / name / "config.yaml"), "config")
         assert study.calibration_names == [(scanner, "all")]

@@ -256,7 +256,7 @@ def test_files_are_read_back(suffix, shift, tmp_path):
         tolerance = 0.000501 if suffix in (".las", ".laz") and name in "xyz" else 0
         np.testing.assert_allclose(columns[name], expect[name], rtol=0, atol=tolerance)
     assert len(columns["x"]) == len(expect["x"]) > 100_000
-    assert sorted(p.name for p in out.parent.iterdir()) == [again.name, out.name]
+    assert sorted(p.name for p in out.parent.glob("*.*")) == [again.name, out.name]
 
 
 def test_headers_are_padded_to_one_length(tmp_path):
@@ -337,7 +337,7 @@ def test_a_factory_file_is_applied_with_its_near_points(tmp_path):
     # A file for another program is applied as that program does, up to what is said.
     turned = formats.CalibrationFile(design, "veloview")
     formats.write(tmp_path / "view.xml", turned)
-    done = run(path, "-o", tmp_path / "o.ply", "-c", tmp_path / "view.xml", "--scanner", "HDL-64E")
+    done = run(path, "-o", tmp_path / "p.ply", "-c", tmp_path / "view.xml", "--scanner", "HDL-64E")
     assert "veloview rounds azimuths to 0.01 deg: left out, up to 0.7 cm at 80 m" in done.output
 
 

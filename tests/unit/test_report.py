@@ -279,6 +279,8 @@ def test_claims_show_their_verdict_and_open_their_numbers():
 
 
 def test_script_reads_what_is_there(tmp_path):
+    for folder in ("recordings/sa5", "HDL-32E"):
+        (tmp_path / folder).mkdir(parents=True)
     storage.write_json(tmp_path / "recordings/sa5/ledger.json", LEDGER)
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
     storage.write_csv(tmp_path / "agreement.csv", FULL.agreement)
@@ -305,6 +307,8 @@ def test_script_reads_what_is_there(tmp_path):
         "exports": [of_set.with_suffix(".exports.csv")],
         "factories": [],
         "field_pictures": [],
+        "unit_pictures": [],
+        "unit_tables": [],
         "outdoor_pictures": [],
         "outdoor_numbers": [],
     }
@@ -314,7 +318,8 @@ def test_script_reads_what_is_there(tmp_path):
     common = {"title": "t", "simulated": True, "rotations": 330, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
-    common |= {"factory_scanners": [], "field_samples": [], "outdoor_figures": {}}
+    common |= {"factory_scanners": [], "field_samples": [], "unsurveyed_units": []}
+    common |= {"outdoor_figures": {}}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()
     ids = [attributes.get("id") for tag, attributes in Elements(page).found if tag == "section"]

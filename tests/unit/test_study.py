@@ -109,7 +109,11 @@ def changed(config, path, value):
     ("path", "value", "message"),
     [
         (("windws",), {}, "unknown key 'windws'"),
-        (("windows", "rotation"), 3, r"unknown key 'windows.rotation' \(allowed: rotations\)"),
+        (
+            ("windows", "rotation"),
+            3,
+            r"unknown key 'windows.rotation' \(allowed: rotations, max_missing\)",
+        ),
         (("windows", "rotations"), 0, "windows.rotations"),
         (("windows", "rotations"), "ten", "windows.rotations"),
         (("adjustment", "method"), "magic", r"'magic' \(allowed: prior, paper"),

@@ -109,7 +109,7 @@ def test_nmea(tmp_path):
     inspection.ledger.nmea = "$GPRMC,\x1b[2J[red]\x07"
     runner = CliRunner()
     with runner.isolation() as (out, *_):
-        _print_facts(inspection, "HDL-32E", ["\x1b[31m"])
+        _print_facts(inspection, recording.scanner, ["\x1b[31m"])
         said = out.getvalue().decode()
     assert "$GPRMC,\\x1b[2J[red]\\x07" in said
     assert "\\x1b[31m" in said

@@ -150,7 +150,9 @@ def test_a_head_that_does_not_turn_forward(step, how, tmp_path):
 def test_remarks_reach_those_who_decode(tmp_path):
     path = write(tmp_path, record_list(spin(N, **(VLP16 | {"status": (0x37, 0x21)})), 42))
     for command in ("decode", "points"):
-        done = CliRunner().invoke(app, [command, str(path), "-o", str(tmp_path / "out.parquet")])
+        done = CliRunner().invoke(
+            app, [command, str(path), "-o", str(tmp_path / f"{command}.parquet")]
+        )
         assert done.exit_code == 0
         assert "product byte is 0x21" in done.stderr
 

@@ -289,7 +289,7 @@ def open_capture(path: Path, source: SourceFilter = ANY_SOURCE) -> Capture:
         folder = stat.S_ISDIR(kind)
         if not folder and not stat.S_ISREG(kind):
             raise RecordingError(
-                "is no regular file: reading it could wait for ever",
+                "is no regular file: reading it might never end",
                 where=str(path),
                 allowed="a file, or the folder of a ROS 2 bag",
                 hint="Write what a pipe or a device gives into a file first.",

@@ -83,7 +83,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     with closing(sqlite3.connect(address, uri=True)) as database:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
         database.execute("PRAGMA trusted_schema = OFF")
-        # A view of the same name could run for ever.
+        # A view of the same name might never end.
         tables = {name for (name,) in database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'table'"
         )}  # fmt: skip

@@ -74,7 +74,7 @@ def _unsurveyed(folder: Path, scanner: Scanner, captures: bool) -> str:
             f"Put the factory's calibration into {folder / FACTORY}, or write nominal or embedded "
             f"into {folder / 'samples.tsv'}."
         )
-    steps.append(f"cd {folder} && snakemake --cores 2")
+    steps.append(f"cd {folder} && velocal run --cores 2")
     numbered = "\n".join(f"{number}. {step}" for number, step in enumerate(steps, 1))
     return f"""
 Next:

@@ -81,7 +81,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
         If `path` cannot be written, or is anything but a regular file.
     """
     mode = _check(path)
-    name = f".{path.name[:40]}.{secrets.token_hex(8)}{PART}"
+    name = f".{path.name:.40}.{secrets.token_hex(8)}{PART}"
     temporary = path.with_name(name)
     with writing(path):
         # With O_EXCL a link that somebody has put there is an error, and is not followed.

@@ -79,9 +79,11 @@ def write_study(
         "calibration": FACTORY if scanner.has_factory_file else "nominal",
     }
     kind = "surveyed" if recordings is None else "unsurveyed"
+    data = resources.files("velocal.study") / "data"
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)
-        for name, source in _templates(resources.files("velocal.study") / "data" / kind).items()
+        for part in ("both", kind)
+        for name, source in _templates(data / part).items()
     }
     for path in texts:
         if path.exists():

@@ -41,7 +41,6 @@ CASES = {
         ("1 place, 5 planes", 1, 0.0, FULL),
         ("2 places, 2 walls and floor", 2, 0.0, ROOMS),
         ("2 places tilted by 15 deg, 2 walls and floor", 2, 15.0, ROOMS),
-        ("4 places tilted by 15 deg, 5 planes", 4, 15.0, FULL),
     )
 }
 #: Half width of a 95 % interval in standard deviations.

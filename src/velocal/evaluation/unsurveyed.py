@@ -238,8 +238,7 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
         )
     factory = used[0].cloud.parameters
     stations = [unit_station_of(each) for each in used]
-    rough = replace(settings, integration_points=1, linearisations=1)
-    found = adjust_unit(stations, factory, rough)
+    found = adjust_unit(stations, factory, replace(settings, integration_points=1))
     share = np.median(found.determined[found.calibration.observed], axis=0)
     held = {
         name: _HELD_RAD

@@ -30,7 +30,7 @@ def checkout(root, tmp_path):
 def agreement(results, shift=0.0):
     rows = printed_statements()
     found = {"item": PREFIX + rows["item"], "reproduced": rows["paper"] + shift, "within": "true"}
-    (results / "published").mkdir()
+    (results / "published").mkdir(parents=True, exist_ok=True)
     storage.write_csv(results / "published/agreement.csv", pd.DataFrame(found))
 
 

@@ -152,7 +152,8 @@ def test_a_pose_that_is_wrong_by_some_degrees_is_found(small, linearisations):
 
     right, wrong = corrections(np.zeros(3)), corrections(np.deg2rad([5.0, -4.0, 2.0]))
     apart = np.abs(wrong - right).max(axis=0)
-    assert apart[0] < 1e-3
+    # The rough passes, which linearise once at the usual poses, only have to assign returns.
+    assert apart[0] < {1: 2e-3, 2: 1e-3}[linearisations]
     assert (apart[1:] < np.deg2rad(0.02)).all()
 
 

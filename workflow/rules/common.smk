@@ -28,8 +28,8 @@ try:
         SIMULATED = read_world(Path(WORLD))
         check_world(STUDY, SIMULATED, WORLD)
     check_files(STUDY, CONFIG_NAME)
-    check_survey(STUDY)
     if workflow.is_main_process:
+        check_survey(STUDY)
         check_times(Path(RESULTS))
         if os.environ.get(run_lock.VARIABLE) == run_lock.BEGIN:  # by `velocal run`
             run_lock.begin(RESULTS, logger.warning)

@@ -6,7 +6,6 @@ of packets.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
-from velocal.capture.chunk import Chunk, joined
+from velocal.capture.chunk import Chunk, gathered
 from velocal.capture.ledger import Ledger
 from velocal.capture.reading import Progress, open_capture
 from velocal.capture.source import ANY_SOURCE, SourceFilter
@@ -73,24 +72,13 @@ def inspect(
     reading = open_capture(path, source).read(progress)
     made_from = identify(path)
     scan = _Scan()
-    for chunk in _merged(reading):
+    # Damage may cut chunks to single packets; each needs a clock to judge by.
+    for chunk in gathered(reading, CLOCK_PACKETS):
         scan.consume(chunk)
     if scan.packets == 0:
         raise reading.ledger.nothing_usable(str(path))
     found = scan.result(reading.ledger, reading.seekable, max_missing)
     return replace(found, index=replace(found.index, recording=made_from))
-
-
-def _merged(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Join chunks, which damage may cut to single packets, so that each has a clock to judge by."""
-    held: list[Chunk] = []
-    for chunk in chunks:
-        held.append(chunk)
-        if sum(len(part) for part in held) >= CLOCK_PACKETS:
-            yield joined(held)
-            held = []
-    if any(len(part) for part in held):
-        yield joined(held)
 
 
 @dataclass(frozen=True)

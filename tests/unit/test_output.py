@@ -256,6 +256,8 @@ import os, signal, sys
 from pathlib import Path
 import velocal.cli.points as command
 from velocal.cli import main
+# As in a terminal: a shell lets what it runs in the background ignore SIGINT.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def stop(*_):
     os.kill(os.getpid(), signal.{name})
 command.stream = stop

@@ -4,18 +4,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from pydantic import TypeAdapter
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.certificate import Certificate
 from velocal.evaluation.statistics import KEYS
-from velocal.io import storage
+from velocal.io import schemas, storage
 from velocal.io.plain import from_plain
 from velocal.io.scripts import run
 from velocal.paper.agreement import unexpected
 from velocal.paper.printed import known_misses
 from velocal.reporting import report
+from velocal.reporting.interactive import SampleMap
+from velocal.reporting.style import for_page
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
 from velocal.survey.checks.findings import read_findings
@@ -31,6 +34,20 @@ def _optional(path: Path | None) -> pd.DataFrame | None:
     return None if path is None else _frame(path)
 
 
+def _map(table: Path, png: Path, surveys: Mapping[str, Any]) -> SampleMap:
+    columns, facts = storage.read_table(table, schemas.RESIDUAL_MAP)
+    corners = {
+        plane["name"]: np.array(plane["corners_m"])
+        for plane in surveys[facts["position"]]["planes"]
+    }
+    return SampleMap(
+        **{name: facts[name] for name in ("sample", "scanner", "position", "after", "planes")},
+        corners_m=[corners[name] for name in facts["planes"]],
+        columns=columns,
+        png=for_page(png),
+    )
+
+
 def main(
     *,
     ledgers: list[Path],
@@ -40,6 +57,8 @@ def main(
     summary: Path | None,
     surveys: list[Path],
     checks: Path | None,
+    maps: list[Path],
+    map_pictures: list[Path],
     sets: list[Path],
     exports: list[Path],
     pictures: list[Path],
@@ -73,10 +92,10 @@ def main(
     """Write the report; whatever is missing or empty has no section.
 
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
-    `numbers` of `figures`, `sets` and `exports` of `set_scanners` and `set_names`, `factories` of
-    `factory_scanners` (another of `scanners` has nominal values), `field_pictures` of
-    `field_samples`, `unit_pictures` and `unit_tables` of `unsurveyed_units`, `outdoor_pictures` and
-    `outdoor_numbers` of `outdoor_figures`.
+    `numbers` of `figures`, `map_pictures` of `maps`, `sets` and `exports` of `set_scanners` and
+    `set_names`, `factories` of `factory_scanners` (another of `scanners` has nominal values),
+    `field_pictures` of `field_samples`, `unit_pictures` and `unit_tables` of `unsurveyed_units`,
+    `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
     """
     known = dict(zip(factory_scanners, factories, strict=True))
     columns: dict[str, dict[str, Any]] = {}
@@ -85,6 +104,7 @@ def main(
     of_sets = zip(set_scanners, set_names, exports, strict=True)
     compared = _optional(agreement)
     drawn = zip(figures.items(), pictures, numbers, strict=True)
+    surveyed = {each["position"]: each for each in map(storage.read_json, surveys)}
     study = report.Study(
         title=title,
         simulated=simulated,
@@ -99,16 +119,17 @@ def main(
             else unexpected(compared, known_misses(listed_misses, rotations))
         ),
         figures=[
-            report.Figure(number, FIGURE.validate_python(selection), _frame(csv), png.read_bytes())
+            report.Figure(number, FIGURE.validate_python(selection), _frame(csv), for_page(png))
             for (number, selection), png, csv in drawn
         ],
-        surveys=[storage.read_json(path) for path in surveys],
+        surveys=list(surveyed.values()),
         warnings=read_findings(checks) if checks else (),
         sets=columns,
         exports={(scanner, name): _frame(path) for scanner, name, path in of_sets},
         factories={
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
+        maps=[_map(table, png, surveyed) for table, png in zip(maps, map_pictures, strict=True)],
         certificates=[
             from_plain(Certificate, each, str(certificate))
             for each in storage.read_json(certificate)["certificates"]
@@ -116,16 +137,18 @@ def main(
         if certificate
         else [],
         methods=_optional(methods_csv),
-        methods_png=methods_png.read_bytes() if methods_png else b"",
+        methods_png=for_page(methods_png) if methods_png else b"",
         field_table=_optional(field_table),
-        field_pictures=dict(zip(field_samples, map(Path.read_bytes, field_pictures), strict=True)),
+        field_pictures={
+            sample: for_page(png) for sample, png in zip(field_samples, field_pictures, strict=True)
+        },
         unsurveyed_units=[
-            report.UnsurveyedUnit(name, _frame(csv), png.read_bytes())
+            report.UnsurveyedUnit(name, _frame(csv), for_page(png))
             for name, csv, png in zip(unsurveyed_units, unit_tables, unit_pictures, strict=True)
         ],
         outdoor=_optional(outdoor),
         outdoor_figures=[
-            report.OutdoorFigure(number, kind, on, _frame(csv), png.read_bytes())
+            report.OutdoorFigure(number, kind, on, _frame(csv), for_page(png))
             for (number, (kind, on)), png, csv in zip(
                 outdoor_figures.items(), outdoor_pictures, outdoor_numbers, strict=True
             )

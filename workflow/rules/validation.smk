@@ -5,6 +5,8 @@
 #       single rotations of the recording, outside the windows, and every parameter set and
 #       calibration (validation)
 # out:  {results}/residuals/{sample}/{window}.parquet               s of every median
+#       {results}/residual_maps/{sample}.{parquet,svg,png}          mean s along the azimuth, before
+#                                                                   and after
 #       {results}/statistics/calibration/{sample}/{window}.csv      per laser, before and after
 #       {results}/statistics/validation/{sample}/{window}.csv       per laser, before and each set
 #       {results}/statistics/lasers.csv, summary.csv                all of them; one row a window
@@ -14,6 +16,12 @@ STATISTICS_FILES = expand(
     f"{RESULTS}/statistics/{{name}}.csv",
     name=("lasers", "summary") if STUDY.surveyed else (),
 )
+
+
+# Samples whose residuals are mapped: with those of no calibration there would be no "after".
+MAPPED = [
+    name for name, sample in STUDY.surveyed.items() if STUDY.candidates(sample.scanner)
+]
 
 
 rule residuals_calibration:
@@ -89,3 +97,29 @@ rule summarise_statistics:
     localrule: True
     script:
         "../../scripts/summarise_statistics.py"
+
+
+rule map_residuals:
+    input:
+        assigned=lambda wildcards: per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", [wildcards.sample]
+        ),
+        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
+        calibration=calibration_file,
+        adjusted=lambda wildcards: f"{RESULTS}/parameter_sets/{sample_of(wildcards).scanner}/"
+        f"{STUDY.shown(sample_of(wildcards).scanner)}.csv",
+    output:
+        residuals=f"{RESULTS}/residual_maps/{{sample}}.parquet",
+        svg=f"{RESULTS}/residual_maps/{{sample}}.svg",
+        png=f"{RESULTS}/residual_maps/{{sample}}.png",
+    log:
+        f"{RESULTS}/logs/map_residuals/{{sample}}.log",
+    params:
+        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        after=lambda wildcards: STUDY.shown(sample_of(wildcards).scanner),
+        is_unit=lambda wildcards: sample_of(wildcards).scanner in STUDY.calibrations,
+        near_points=SETTINGS.joint.near_points,
+        sigma_cm=lambda wildcards: STUDY.sigma_cm(sample_of(wildcards).scanner),
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/map_residuals.py"

@@ -88,6 +88,21 @@ RESIDUALS = _schema(
     ],
 )
 
+RESIDUAL_MAP = _schema(
+    "residual_map",
+    [
+        _LASER,
+        _field("plane", pa.uint8(), "1", "plane hit, index into metadata `planes`"),
+        _field("cell", pa.uint16(), "0.5 deg", "cell of the rotational angle"),
+        _field("count", pa.uint16(), "1", "medians in the cell"),
+        _field("x_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),
+        _field("y_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),
+        _field("z_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),
+        _field("before_m", pa.float32(), "m", "mean s with the factory parameters"),
+        _field("after_m", pa.float32(), "m", "mean s with the calibration of metadata `after`"),
+    ],
+)
+
 MAP = _schema(
     "map",
     [

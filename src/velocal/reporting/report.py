@@ -15,6 +15,7 @@ import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
 from velocal.evaluation.certificate import Certificate
+from velocal.evaluation.residual_map import STEP_DEG, root_mean_square
 from velocal.evaluation.statistics import COMPLIES
 from velocal.geometry.rigid import RigidTransformation
 from velocal.io import provenance
@@ -24,7 +25,10 @@ from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, p
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
+from velocal.reporting.interactive import SampleMap, payload
 from velocal.reporting.templates import environment, fixed
+from velocal.reporting.verdict import laser_note, verdict
+from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
 from velocal.survey.checks.findings import Finding
@@ -35,6 +39,12 @@ QUANTITIES = {
     "within_1sigma_pct": "Within 1σ [%]",
     "within_3sigma_pct": "Within 3σ [%]",
 }
+
+#: Columns of the table of lasers.
+LASER_HEADINGS = (
+    "Laser", "dl [mm]", "U [mm]", "from data [%]", "alpha [deg]", "U [deg]", "from data [%]",
+    "v [deg]", "U [deg]", "from data [%]", "Range [m]", "s before [mm]", "s after [mm]",
+)  # fmt: skip
 
 #: Unit for people, factor to it and decimals, by unit.
 _SHOWN = {"m": ("cm", 100.0, 3), "rad": ("deg", 180.0 / np.pi, 4)}
@@ -142,6 +152,8 @@ class Study:
         Calibrations without a survey.
     certificates : sequence of Certificate
         Of the calibrations of units.
+    maps : sequence of SampleMap
+        Residuals of every surveyed sample along the azimuth.
     methods : DataFrame or None
         Numbers of the comparison of methods.
     methods_png : bytes
@@ -170,6 +182,7 @@ class Study:
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
     unsurveyed_units: Sequence[UnsurveyedUnit] = ()
     certificates: Sequence[Certificate] = ()
+    maps: Sequence[SampleMap] = ()
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
@@ -197,6 +210,10 @@ def render(study: Study) -> str:
     content = {
         **vars(study),
         "overview": _overview(study.summary),
+        "verdicts": [verdict(one, study.summary) for one in study.certificates],
+        "lasers": [_lasers(one, study) for one in study.certificates],
+        "step_deg": STEP_DEG,
+        "payload": payload(study.maps) if study.maps else "",
         "agreement": agreement.counts(cells),
         "unexpected": study.unexpected,
         "statements": agreement.statements_of(cells),
@@ -243,6 +260,47 @@ def render(study: Study) -> str:
         "tolerances": TOLERANCES,
     }
     return environment().get_template("report.html.j2").render(content)
+
+
+def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
+    """Table of the lasers of a calibration, and the maps of its samples."""
+    on = {each.sample for each in one.recordings}
+    maps = [each for each in study.maps if each.scanner == one.scanner and each.after == one.name]
+    maps.sort(key=lambda each: each.sample not in on)
+    n_lasers = len(one.lasers)
+    rms = [np.full(n_lasers, np.nan)] * 2
+    if maps:
+        laser = np.concatenate([each.columns["laser_id"] for each in maps])
+        rms = [
+            root_mean_square(np.concatenate([each.columns[name] for each in maps]), laser, n_lasers)
+            for name in ("before_m", "after_m")
+        ]
+    rows = [
+        {
+            "laser": row.laser,
+            "note": laser_note(one, number),
+            "cells": [
+                fixed(row.dl_mm, 1), fixed(row.dl_expanded_mm, 1), fixed(row.dl_from_data, 0, 100),
+                fixed(row.alpha_deg, 3), fixed(row.alpha_expanded_deg, 3),
+                fixed(row.alpha_from_data, 0, 100),
+                fixed(row.v_deg, 3), fixed(row.v_expanded_deg, 3), fixed(row.v_from_data, 0, 100),
+                fixed(row.range_m, 1),
+                *(fixed(float(each[number]), 1, 1e3) for each in rms),
+            ],
+        }
+        for number, row in enumerate(one.lasers)
+    ]  # fmt: skip
+    factory = study.factories.get(one.scanner)
+    order = np.arange(n_lasers) if factory is None else np.argsort(factory.v, kind="stable")
+    return {
+        "scanner": one.scanner,
+        "name": one.name,
+        "headings": LASER_HEADINGS,
+        "rows": rows,
+        "maps": maps,
+        "order": order.tolist(),
+        "limit_mm": 3e3 * scanner_named(one.scanner).range_sigma_m,
+    }
 
 
 def _plain(table: pd.DataFrame | None) -> dict[str, Any] | None:

@@ -19,15 +19,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MultipleLocator
+from PIL import Image
 
 from velocal.arrays import Array
-from velocal.errors import hidden, visible
+from velocal.errors import StorageError, hidden, visible
 from velocal.io.storage import write_blocks
 from velocal.study.figures import HistogramFigure, LaserFigure
 
 BEFORE, AFTER, GREY, DARK, CONNECTION = "#D55E00", "#0072B2", "#6B6B6B", "#303030", "#BDBDBD"
 #: Okabe and Ito, without black and yellow.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+#: Width of pictures in the report.
+_PAGE_PIXELS = 1500
 #: Dashes of a reference line.
 DASHED = (0, (5, 3))
 
@@ -85,6 +88,38 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
             drawn = io.BytesIO()
             figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
             write_blocks(path, [drawn.getvalue()])
+
+
+def for_page(png: Path) -> bytes:
+    """Make a picture small enough for a page: at most 1500 pixels wide, 256 colours.
+
+    Parameters
+    ----------
+    png : Path
+
+    Returns
+    -------
+    bytes
+        Content of a smaller PNG file, the same for the same picture.
+
+    Raises
+    ------
+    StorageError
+        If the file is no picture.
+    """
+    try:
+        with Image.open(png) as opened:
+            picture = opened.convert("RGB")
+    except OSError as error:
+        hint = "Delete the file; the next run makes it again."
+        raise StorageError(f"is no picture: {error}", where=str(png), hint=hint) from None
+    if picture.width > _PAGE_PIXELS:
+        height = round(picture.height * _PAGE_PIXELS / picture.width)
+        picture = picture.resize((_PAGE_PIXELS, height), Image.Resampling.BILINEAR)
+    small = io.BytesIO()
+    reduced = picture.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    reduced.save(small, "PNG")
+    return small.getvalue()
 
 
 def _plain_texts(figure: Figure) -> None:

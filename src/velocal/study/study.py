@@ -151,6 +151,10 @@ class Study:
         """Parameter sets of a scanner, then its calibrations."""
         return (*self.parameter_sets.get(scanner, {}), *self.calibrations.get(scanner, {}))
 
+    def shown(self, scanner: str) -> str:
+        """Calibration that the report shows as "after": the last one, or else the last set."""
+        return self.candidates(scanner)[-1]
+
     def calibration_of(self, sample: str) -> str | None:
         """First calibration that a sample is used for; None if there is none."""
         of_scanner = self.calibrations.get(self.samples[sample].scanner, {})

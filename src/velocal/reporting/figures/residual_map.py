@@ -1,0 +1,112 @@
+"""Residuals of all lasers along the azimuth, before and after, as two images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from velocal.evaluation.residual_map import CELLS, STEP_DEG, as_image
+from velocal.reporting.style import finish, style
+
+#: Colours end at so many standard deviations of the datasheet.
+_LIMIT = 3.0
+_MARGIN_CELLS = 6
+#: A plane narrower than this share of the picture gets no name.
+_LEAST_WIDTH = 0.04
+
+
+def residual_images(
+    columns: Mapping[str, NDArray[Any]],
+    planes: Sequence[str],
+    order: Sequence[int],
+    title: str,
+    sigma_m: float,
+    *,
+    simulated: bool,
+) -> Figure:
+    """Draw s of every laser along the azimuth, before above after.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Columns of `schemas.RESIDUAL_MAP`.
+    planes : sequence of str
+        Names of the planes.
+    order : sequence of int
+        Lasers from the lowest beam to the highest.
+    title : str
+    sigma_m : float
+        Standard deviation of the datasheet, metres; colours end at three of them.
+    simulated : bool
+        Whether a note says that the recordings are simulated.
+
+    Returns
+    -------
+    Figure
+    """
+    start = _start(columns["cell"])
+    shown = (columns["cell"].astype(np.int64) - start) % CELLS
+    width = int(shown.max(initial=0)) + 1 + _MARGIN_CELLS
+    n_lasers = len(order)
+    limit_cm = _LIMIT * sigma_m * 1e2
+    with style():
+        figure = Figure(figsize=(9.0, 2.2 + 0.055 * n_lasers))
+        axes = [figure.add_subplot(2, 1, 1)]
+        axes.append(figure.add_subplot(2, 1, 2, sharex=axes[0]))
+        for ax, state in zip(axes, ("before", "after"), strict=True):
+            image = np.roll(as_image(dict(columns), state, n_lasers, order), -start, axis=1)
+            drawn = ax.imshow(
+                image[:, :width] * 1e2, aspect="auto", origin="lower", cmap="RdBu_r",
+                vmin=-limit_cm, vmax=limit_cm, interpolation="nearest",
+                extent=(0.0, width * STEP_DEG, 0.0, n_lasers),
+            )  # fmt: skip
+            ax.set_facecolor("#EDEDED")
+            ax.grid(visible=False)
+            ax.set_title(state)
+            ax.set_ylabel("laser, lowest beam first")
+            ax.set_yticks([])
+        axes[0].tick_params(labelbottom=False)
+        every = 30.0 if width * STEP_DEG > 120.0 else 10.0
+        angles = np.arange(
+            np.ceil(start * STEP_DEG / every) * every, (start + width) * STEP_DEG, every
+        )
+        axes[1].set_xticks(angles - start * STEP_DEG)
+        axes[1].set_xticklabels([f"{angle % 360.0:.0f}" for angle in angles])
+        axes[1].set_xlabel("rotational angle [deg]")
+        _names(axes[0], shown, columns["plane"], planes, width)
+        bar = figure.colorbar(drawn, ax=axes, extend="both", fraction=0.03, pad=0.01)
+        bar.set_label("s [cm]")
+        finish(figure, [], title, simulated=simulated)
+    return figure
+
+
+def _start(cells: NDArray[np.integer]) -> int:
+    """Cell where the picture begins: after the widest empty sector."""
+    seen = np.unique(cells.astype(np.int64))
+    if not len(seen):
+        return 0
+    gaps = np.diff(np.append(seen, seen[0] + CELLS))
+    return int((seen[(int(np.argmax(gaps)) + 1) % len(seen)] - _MARGIN_CELLS) % CELLS)
+
+
+def _names(
+    ax: Axes,
+    shown: NDArray[np.integer],
+    plane: NDArray[np.integer],
+    planes: Sequence[str],
+    width: int,
+) -> None:
+    """Write the names of planes above the cells where they are seen most."""
+    for number, name in enumerate(planes):
+        cells = shown[plane == number]
+        if len(cells) and np.ptp(cells) > _LEAST_WIDTH * width:
+            ax.annotate(
+                name.replace("_", " "), (float(np.median(cells)) * STEP_DEG, 1.0),
+                xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
+                ha="center", fontsize=7.5,
+            )  # fmt: skip

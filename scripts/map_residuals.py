@@ -33,7 +33,7 @@ def main(
     sigma_cm: float,
     simulated: bool,
 ) -> None:
-    """Write mean residuals of all windows per laser, plane and cell of angle, and their picture.
+    """Write mean residuals of all windows per laser, plane and bin of angle, and their picture.
 
     `adjusted` is the file of the calibration `after`.
     """

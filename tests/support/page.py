@@ -7,7 +7,7 @@ from PIL import Image
 
 from velocal.evaluation.certificate import Certificate, Conditions, File, Laser, StationResult
 from velocal.evaluation.holdout import Gain
-from velocal.evaluation.residual_map import CELLS
+from velocal.evaluation.residual_map import BINS
 from velocal.reporting.interactive import SampleMap
 
 LASERS = 32
@@ -46,19 +46,19 @@ def certificate(**changes):
 
 def sample_map(after="all"):
     """Residuals of all lasers but the last two on a wall that crosses the angle 0, and a floor."""
-    laser, cell = np.meshgrid(np.arange(LASERS - 2), np.arange(-40, 60), indexing="ij")
-    laser, cell = laser.ravel(), cell.ravel()
-    angle = np.deg2rad(0.5 * (cell + 0.5))
+    laser, azimuth_bin = np.meshgrid(np.arange(LASERS - 2), np.arange(-40, 60), indexing="ij")
+    laser, azimuth_bin = laser.ravel(), azimuth_bin.ravel()
+    angle = np.deg2rad(0.5 * (azimuth_bin + 0.5))
     columns = {
         "laser_id": laser.astype(np.uint8),
-        "plane": (cell >= 30).astype(np.uint8),
-        "cell": (cell % CELLS).astype(np.uint16),
-        "count": np.full(len(cell), 3, dtype=np.uint16),
+        "plane": (azimuth_bin >= 30).astype(np.uint8),
+        "azimuth_bin": (azimuth_bin % BINS).astype(np.uint16),
+        "count": np.full(len(azimuth_bin), 3, dtype=np.uint16),
         "x_m": 4.0 * np.sin(angle),
         "y_m": 4.0 * np.cos(angle),
         "z_m": -1.0 + 0.05 * laser,
-        "before_m": 0.01 - 0.001 * laser + 0.002 * np.sin(cell / 5.0),
-        "after_m": 0.002 * np.sin(cell / 5.0),
+        "before_m": 0.01 - 0.001 * laser + 0.002 * np.sin(azimuth_bin / 5.0),
+        "after_m": 0.002 * np.sin(azimuth_bin / 5.0),
     }
     wall = np.array([[-2.0, 4.0, -1.0], [2.0, 4.0, -1.0], [2.0, 4.0, 1.0], [-2.0, 4.0, 1.0]])
     corners = [wall, np.zeros((0, 3))]

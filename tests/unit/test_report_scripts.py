@@ -102,7 +102,7 @@ def test_page_works_in_a_browser(tmp_path, chromium, width):
     assert found["rising"] == ["32", "31"]
     assert found["how"] == "ascending"
     assert found["falling"] == ["1", "2"]
-    # 100 cells along the azimuth, bars of a histogram, one line of correlations.
+    # 100 bins along the azimuth, bars of a histogram, one line of correlations.
     along, bars, line = found["plots"]
     assert along == 100
     assert 3 < bars <= 40
@@ -133,7 +133,7 @@ def test_payload_is_what_was_measured():
     assert sample["planes"] == ["</script><b>", "floor"]
     for name, key, type_, unit in (
         ("laser_id", "laser", "<u1", 1.0),
-        ("cell", "cell", "<u2", 1.0),
+        ("azimuth_bin", "azimuth_bin", "<u2", 1.0),
         ("before_m", "before", "<i2", content["residual_mm"] * 1e-3),
         ("after_m", "after_s", "<i2", content["residual_mm"] * 1e-3),
         ("y_m", "y", "<i2", content["coordinate_m"]),
@@ -176,7 +176,7 @@ def test_verdict_in_words():
     assert "vertical angle is known to 0.060 deg (k = 2); it is not significant for 32 of" in text
     advice = " ".join(found.next)
     assert "parameter_sets/HDL-32E/all.yaml with the ROS driver" in advice
-    assert "second place" in advice
+    assert "second position" in advice
     assert "decide little of the vertical angle" in advice
 
 

@@ -1,4 +1,4 @@
-"""Maps of residuals: cells of angle against single residuals, and their picture."""
+"""Maps of residuals: bins of angle against single residuals, and their picture."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from velocal.adjustment.observations import Observations
 from velocal.evaluation.candidates import Candidate, Role
-from velocal.evaluation.residual_map import CELLS, STEP_DEG, as_image, residual_map
+from velocal.evaluation.residual_map import BINS, STEP_DEG, as_image, residual_map
 from velocal.io import schemas, storage
 from velocal.reporting.figures.residual_map import residual_images
 from velocal.scanner.models import SCANNERS
@@ -36,11 +36,11 @@ def test_cells_are_means_of_their_residuals(data):
     found = residual_map(data, before, after)
     assert set(found) == set(schemas.RESIDUAL_MAP.names)
     assert found["count"].sum() == len(data.phi)
-    cell = np.floor(np.rad2deg(data.phi) % 360.0 / STEP_DEG).astype(int)
+    azimuth_bin = np.floor(np.rad2deg(data.phi) % 360.0 / STEP_DEG).astype(int)
     s = before.misclosure(data)
-    for row in range(0, len(found["cell"]), 97):
+    for row in range(0, len(found["azimuth_bin"]), 97):
         own = (
-            (cell == found["cell"][row])
+            (azimuth_bin == found["azimuth_bin"][row])
             & (data.laser_id == found["laser_id"][row])
             & (data.plane == found["plane"][row])
         )
@@ -63,11 +63,11 @@ def test_file_and_picture(data, tmp_path):
     storage.write_table(file, schemas.RESIDUAL_MAP, columns, planes=["a", "b"])
     read, facts = storage.read_table(file, schemas.RESIDUAL_MAP)
     assert facts["planes"] == ["a", "b"]
-    np.testing.assert_array_equal(read["cell"], columns["cell"])
+    np.testing.assert_array_equal(read["azimuth_bin"], columns["azimuth_bin"])
     order = np.argsort(FACTORY.v)
     image = as_image(columns, "before", 16, order.tolist())
-    assert image.shape == (16, CELLS)
+    assert image.shape == (16, BINS)
     row = int(np.flatnonzero(columns["laser_id"] == order[-1])[0])
-    assert np.isfinite(image[-1, columns["cell"][row]])
+    assert np.isfinite(image[-1, columns["azimuth_bin"][row]])
     figure = residual_images(columns, ["a", "b"], order.tolist(), "t", 0.03, simulated=False)
     assert [ax.get_title(loc="left") for ax in figure.axes[:2]] == ["before", "after"]

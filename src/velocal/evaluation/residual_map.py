@@ -1,6 +1,6 @@
-"""Residuals of every laser along the azimuth, before and after: means in cells of equal angle.
+"""Residuals of every laser along the azimuth, before and after: means in bins of equal angle.
 
-A map has one row per laser, plane and cell. It is small enough for a page, and shows what a
+A map has one row per laser, plane and bin. It is small enough for a page, and shows what a
 number per laser hides: edges of planes, patterns along the azimuth, and single bad lasers.
 """
 
@@ -16,16 +16,16 @@ from velocal.arrays import Array
 from velocal.evaluation.candidates import Candidate
 from velocal.scanner.beam import points
 
-#: Width of a cell, degrees.
+#: Width of a bin, degrees.
 STEP_DEG = 0.5
 #: Cells of a whole turn.
-CELLS = round(360.0 / STEP_DEG)
+BINS = round(360.0 / STEP_DEG)
 
 
 def residual_map(
     data: Observations, before: Candidate, after: Candidate
 ) -> dict[str, NDArray[np.generic]]:
-    """Average residuals s over cells of the azimuth.
+    """Average residuals s over bins of the azimuth.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def residual_map(
     Returns
     -------
     dict of str to ndarray
-        Columns of `schemas.RESIDUAL_MAP`, one row per laser, plane and cell that has data, sorted
-        by laser, then plane, then cell.
+        Columns of `schemas.RESIDUAL_MAP`, one row per laser, plane and bin that has data, sorted
+        by laser, then plane, then bin.
 
     Examples
     --------
@@ -53,13 +53,13 @@ def residual_map(
     >>> data = Observations(np.full(4, 5.0), phi, np.zeros(4, int), wall, np.full(4, -4.8))
     >>> candidate = Candidate(Role.FACTORY, factory)
     >>> found = residual_map(data, candidate, candidate)
-    >>> found["cell"].tolist(), found["count"].tolist()
+    >>> found["azimuth_bin"].tolist(), found["count"].tolist()
     ([0, 1], [2, 2])
     """
-    cell = np.floor(np.rad2deg(data.phi) / STEP_DEG).astype(np.int64) % CELLS
+    azimuth_bin = np.floor(np.rad2deg(data.phi) / STEP_DEG).astype(np.int64) % BINS
     plane = data.plane_number.astype(np.int64)
     laser = data.laser_id.astype(np.int64)
-    key = (laser * (int(plane.max(initial=0)) + 1) + plane) * CELLS + cell
+    key = (laser * (int(plane.max(initial=0)) + 1) + plane) * BINS + azimuth_bin
     keys, first, member = np.unique(key, return_index=True, return_inverse=True)
     count = np.bincount(member, minlength=len(keys))
     xyz = points(before.observed(data).distance_m, data.phi, laser, before.parameters)
@@ -71,7 +71,7 @@ def residual_map(
     return {
         "laser_id": laser[first].astype(np.uint8),
         "plane": plane[first].astype(np.uint8),
-        "cell": cell[first].astype(np.uint16),
+        "azimuth_bin": azimuth_bin[first].astype(np.uint16),
         "count": np.minimum(count, np.iinfo(np.uint16).max).astype(np.uint16),
         "x_m": mean(xyz[:, 0]),
         "y_m": mean(xyz[:, 1]),
@@ -102,12 +102,12 @@ def root_mean_square(values: Array, laser_id: NDArray[np.integer], n_lasers: int
 def as_image(
     columns: dict[str, NDArray[np.generic]], state: str, n_lasers: int, order: Sequence[int]
 ) -> Array:
-    """Arrange a map as an image: rows are lasers, columns are cells, NaN where nothing is.
+    """Arrange a map as an image: rows are lasers, columns are bins, NaN where nothing is.
 
     Parameters
     ----------
     columns : dict of str to ndarray
-        What `residual_map` gives. Where two planes share a cell, the one of more data is shown.
+        What `residual_map` gives. Where two planes share a bin, the one of more data is shown.
     state : str
         ``before`` or ``after``.
     n_lasers : int
@@ -116,13 +116,13 @@ def as_image(
 
     Returns
     -------
-    ndarray, shape (n_lasers, CELLS)
+    ndarray, shape (n_lasers, BINS)
     """
-    image = np.full((n_lasers, CELLS), np.nan)
+    image = np.full((n_lasers, BINS), np.nan)
     by_count = np.argsort(columns["count"], kind="stable")
     row = np.empty(n_lasers, dtype=np.int64)
     row[np.asarray(order)] = np.arange(n_lasers)
-    image[row[columns["laser_id"][by_count]], columns["cell"][by_count]] = columns[f"{state}_m"][
-        by_count
-    ]
+    image[row[columns["laser_id"][by_count]], columns["azimuth_bin"][by_count]] = columns[
+        f"{state}_m"
+    ][by_count]
     return image

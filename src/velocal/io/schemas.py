@@ -93,8 +93,8 @@ RESIDUAL_MAP = _schema(
     [
         _LASER,
         _field("plane", pa.uint8(), "1", "plane hit, index into metadata `planes`"),
-        _field("cell", pa.uint16(), "0.5 deg", "cell of the rotational angle"),
-        _field("count", pa.uint16(), "1", "medians in the cell"),
+        _field("azimuth_bin", pa.uint16(), "0.5 deg", "bin of the rotational angle"),
+        _field("count", pa.uint16(), "1", "medians in the bin"),
         _field("x_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),
         _field("y_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),
         _field("z_m", pa.float32(), "m", "mean point in the scanner frame, factory parameters"),

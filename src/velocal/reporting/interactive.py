@@ -94,7 +94,7 @@ def payload(maps: Sequence[SampleMap]) -> str:
             "corners": [np.round(corners, 3).tolist() for corners in one.corners_m],
             "laser": packed(one.columns["laser_id"], 1, "<u1"),
             "plane": packed(one.columns["plane"], 1, "<u1"),
-            "cell": packed(one.columns["cell"], 1, "<u2"),
+            "azimuth_bin": packed(one.columns["azimuth_bin"], 1, "<u2"),
             "before": packed(one.columns["before_m"], RESIDUAL_M, "<i2"),
             "after_s": packed(one.columns["after_m"], RESIDUAL_M, "<i2"),
             **{axis: packed(one.columns[f"{axis}_m"], COORDINATE_M, "<i2") for axis in "xyz"},

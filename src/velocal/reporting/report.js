@@ -21,11 +21,11 @@
   for (const one of data.samples) {
     one.laser = decoded(one.laser, Uint8Array);
     one.plane = decoded(one.plane, Uint8Array);
-    one.cell = decoded(one.cell, Uint16Array);
+    one.azimuth_bin = decoded(one.azimuth_bin, Uint16Array);
     one.states = { before: decoded(one.before, Int16Array), after: decoded(one.after_s, Int16Array) };
     for (const axis of ["x", "y", "z"]) one[axis] = decoded(one[axis], Int16Array);
   }
-  const cells = Math.round(360 / (data.step_deg || 1));
+  const bins = Math.round(360 / (data.step_deg || 1));
   const samplesOf = (scanner) => data.samples.filter((one) => one.scanner === scanner);
   const number = (value, decimals) => value.toFixed(decimals).replace("-", "\u2212");
   const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
@@ -113,30 +113,30 @@
     return found;
   }
 
-  // First cell after the widest gap, so that a wall is not cut where the angle begins again.
+  // First bin after the widest gap, so that a wall is not cut where the angle begins again.
   function start(of) {
     const seen = Array.from(new Set(of)).sort((a, b) => a - b);
     let widest = -1, first = 0;
-    seen.forEach((cell, i) => {
-      const next = i + 1 < seen.length ? seen[i + 1] : seen[0] + cells;
-      if (next - cell > widest) [widest, first] = [next - cell, next % cells];
+    seen.forEach((bin, i) => {
+      const next = i + 1 < seen.length ? seen[i + 1] : seen[0] + bins;
+      if (next - bin > widest) [widest, first] = [next - bin, next % bins];
     });
     return first;
   }
 
   function residuals(sample, laser) {
     const rows = [];
-    const begin = start(sample.cell);
+    const begin = start(sample.azimuth_bin);
     sample.laser.forEach((one, i) => {
       if (one === laser) {
-        const turned = (sample.cell[i] - begin + cells) % cells;
+        const turned = (sample.azimuth_bin[i] - begin + bins) % bins;
         rows.push({
-          cell: turned, angle: (begin + turned + 0.5) * data.step_deg, plane: sample.plane[i],
+          bin: turned, angle: (begin + turned + 0.5) * data.step_deg, plane: sample.plane[i],
           before: sample.states.before[i] * data.residual_mm, after: sample.states.after[i] * data.residual_mm,
         });
       }
     });
-    return rows.sort((a, b) => a.cell - b.cell);
+    return rows.sort((a, b) => a.bin - b.bin);
   }
 
   function limits(values) {
@@ -161,20 +161,20 @@
   }
 
   function histogram(parent, rows) {
-    const x = limits(rows.flatMap((row) => [row.before, row.after])), bins = 40;
-    const counts = { before: new Array(bins).fill(0), after: new Array(bins).fill(0) };
+    const x = limits(rows.flatMap((row) => [row.before, row.after])), slots = 40;
+    const counts = { before: new Array(slots).fill(0), after: new Array(slots).fill(0) };
     for (const row of rows) {
       for (const state of ["before", "after"]) {
-        counts[state][Math.min(bins - 1, Math.floor(((row[state] - x[0]) / (x[1] - x[0])) * bins))]++;
+        counts[state][Math.min(slots - 1, Math.floor(((row[state] - x[0]) / (x[1] - x[0])) * slots))]++;
       }
     }
     const most = Math.max(...counts.before, ...counts.after);
-    const at = frame(parent, "Histogram of s, all recordings; outline before, filled after", 200, x, [0, most * 1.05], { x: "s [mm]", y: "cells" });
+    const at = frame(parent, "Histogram of s, all recordings; outline before, filled after", 200, x, [0, most * 1.05], { x: "s [mm]", y: "azimuth bins" });
     for (const state of ["after", "before"]) {
       counts[state].forEach((count, i) => {
         if (!count) return;
-        const from = at.x(x[0] + (i / bins) * (x[1] - x[0]));
-        element("rect", { x: from, width: (at.right - at.left) / bins, y: at.y(count), height: at.bottom - at.y(count), class: state + " bar" }, at.svg);
+        const from = at.x(x[0] + (i / slots) * (x[1] - x[0]));
+        element("rect", { x: from, width: (at.right - at.left) / slots, y: at.y(count), height: at.bottom - at.y(count), class: state + " bar" }, at.svg);
       });
     }
   }
@@ -183,10 +183,10 @@
     const lags = 40, sums = new Array(lags).fill(0), counts = new Array(lags).fill(0);
     for (const rows of perSample) {
       const mean = rows.reduce((sum, row) => sum + row.after, 0) / rows.length;
-      const at = new Map(rows.map((row) => [row.cell, row.after - mean]));
-      for (const [cell, value] of at) {
+      const at = new Map(rows.map((row) => [row.bin, row.after - mean]));
+      for (const [bin, value] of at) {
         for (let lag = 0; lag < lags; lag++) {
-          if (at.has(cell + lag)) { sums[lag] += value * at.get(cell + lag); counts[lag]++; }
+          if (at.has(bin + lag)) { sums[lag] += value * at.get(bin + lag); counts[lag]++; }
         }
       }
     }
@@ -259,8 +259,8 @@
     const sample = data.samples.find((one) => one.sample === holder.dataset.sample);
     const order = JSON.parse(holder.dataset.order), limit = Number(holder.dataset.limitMm);
     const rowOf = new Map(order.map((laser, i) => [laser, order.length - 1 - i]));
-    const begin = start(sample.cell);
-    const columns = 1 + sample.cell.reduce((most, cell) => Math.max(most, (cell - begin + cells) % cells), 0);
+    const begin = start(sample.azimuth_bin);
+    const columns = 1 + sample.azimuth_bin.reduce((most, bin) => Math.max(most, (bin - begin + bins) % bins), 0);
     const controls = document.createElement("p");
     controls.className = "controls";
     const select = document.createElement("select");
@@ -270,7 +270,7 @@
     holder.append(controls);
     const readout = document.createElement("p");
     readout.className = "note readout";
-    readout.textContent = "Point at a cell to read it.";
+    readout.textContent = "Point at a bin to read it.";
     const at = new Array(order.length * columns).fill(-1);
     const canvases = ["before", "after"].map((state) => {
       const title = document.createElement("p");
@@ -288,7 +288,7 @@
         const row = Math.floor(((event.clientY - box.top) / box.height) * order.length);
         const i = at[row * columns + column];
         readout.textContent = i >= 0
-          ? `Laser ${sample.laser[i] + 1}, ${number((sample.cell[i] + 0.5) * data.step_deg, 1)} deg, ${sample.planes[sample.plane[i]]}: before ${number(sample.states.before[i] * data.residual_mm, 1)} mm, after ${number(sample.states.after[i] * data.residual_mm, 1)} mm`
+          ? `Laser ${sample.laser[i] + 1}, ${number((sample.azimuth_bin[i] + 0.5) * data.step_deg, 1)} deg, ${sample.planes[sample.plane[i]]}: before ${number(sample.states.before[i] * data.residual_mm, 1)} mm, after ${number(sample.states.after[i] * data.residual_mm, 1)} mm`
           : "Nothing was measured here.";
       });
       return { state, canvas };
@@ -301,7 +301,7 @@
         const context = canvas.getContext("2d"), image = context.createImageData(columns, order.length);
         sample.laser.forEach((laser, i) => {
           if (plane >= 0 && sample.plane[i] !== plane) return;
-          const place = rowOf.get(laser) * columns + ((sample.cell[i] - begin + cells) % cells);
+          const place = rowOf.get(laser) * columns + ((sample.azimuth_bin[i] - begin + bins) % bins);
           at[place] = i;
           image.data.set([...mixed((sample.states[state][i] * data.residual_mm) / limit), 255], 4 * place);
         });

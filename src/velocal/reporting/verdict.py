@@ -139,7 +139,7 @@ def _more(one: Certificate) -> list[str]:
     sentences = []
     if len(one.stations) == 1:
         sentences.append(
-            "Record from a second place: with one place, nothing independent checks the result."
+            "Record at a second position: with one, nothing independent checks the result."
         )
     open_ = [
         _PARAMETERS[name]

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from velocal.evaluation.residual_map import CELLS, STEP_DEG, as_image
+from velocal.evaluation.residual_map import BINS, STEP_DEG, as_image
 from velocal.reporting.style import finish, style
 
 #: Colours end at so many standard deviations of the datasheet.
 _LIMIT = 3.0
-_MARGIN_CELLS = 6
+_MARGIN_BINS = 6
 #: A plane narrower than this share of the picture gets no name.
 _LEAST_WIDTH = 0.04
 
@@ -49,9 +49,9 @@ def residual_images(
     -------
     Figure
     """
-    start = _start(columns["cell"])
-    shown = (columns["cell"].astype(np.int64) - start) % CELLS
-    width = int(shown.max(initial=0)) + 1 + _MARGIN_CELLS
+    start = _start(columns["azimuth_bin"])
+    shown = (columns["azimuth_bin"].astype(np.int64) - start) % BINS
+    width = int(shown.max(initial=0)) + 1 + _MARGIN_BINS
     n_lasers = len(order)
     limit_cm = _LIMIT * sigma_m * 1e2
     with style():
@@ -85,13 +85,13 @@ def residual_images(
     return figure
 
 
-def _start(cells: NDArray[np.integer]) -> int:
+def _start(bins: NDArray[np.integer]) -> int:
     """Cell where the picture begins: after the widest empty sector."""
-    seen = np.unique(cells.astype(np.int64))
+    seen = np.unique(bins.astype(np.int64))
     if not len(seen):
         return 0
-    gaps = np.diff(np.append(seen, seen[0] + CELLS))
-    return int((seen[(int(np.argmax(gaps)) + 1) % len(seen)] - _MARGIN_CELLS) % CELLS)
+    gaps = np.diff(np.append(seen, seen[0] + BINS))
+    return int((seen[(int(np.argmax(gaps)) + 1) % len(seen)] - _MARGIN_BINS) % BINS)
 
 
 def _names(
@@ -101,12 +101,12 @@ def _names(
     planes: Sequence[str],
     width: int,
 ) -> None:
-    """Write the names of planes above the cells where they are seen most."""
+    """Write the names of planes above the bins where they are seen most."""
     for number, name in enumerate(planes):
-        cells = shown[plane == number]
-        if len(cells) and np.ptp(cells) > _LEAST_WIDTH * width:
+        bins = shown[plane == number]
+        if len(bins) and np.ptp(bins) > _LEAST_WIDTH * width:
             ax.annotate(
-                name.replace("_", " "), (float(np.median(cells)) * STEP_DEG, 1.0),
+                name.replace("_", " "), (float(np.median(bins)) * STEP_DEG, 1.0),
                 xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
                 ha="center", fontsize=7.5,
             )  # fmt: skip

@@ -24,7 +24,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results paper coverage seeds pages field test fuzz lint nist lock clean
+.PHONY: help setup results paper coverage seeds pages field test fuzz lint nist site lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -108,6 +108,10 @@ $(LOCKED): requirements.lock
 	@$(PYTHON) -m venv --clear $(VENV)
 	$(PIP_INSTALL) --require-hashes --requirement requirements.lock
 	@touch $@
+
+site: $(INSTALLED) ## build the documentation: results/site/index.html
+	$(BIN)/sphinx-build -q -W -b html docs results/site
+	@echo "results/site/index.html"
 
 lock: ## write the newest versions within the ranges of pyproject.toml into requirements.lock (needs uv)
 	@command -v $(UV) >/dev/null || { \

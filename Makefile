@@ -24,7 +24,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results paper coverage seeds pages field test fuzz lint nist site lock clean
+.PHONY: help setup results paper coverage seeds pages field test fuzz lint nist crate site lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -108,6 +108,9 @@ $(LOCKED): requirements.lock
 	@$(PYTHON) -m venv --clear $(VENV)
 	$(PIP_INSTALL) --require-hashes --requirement requirements.lock
 	@touch $@
+
+crate: $(INSTALLED) ## describe the run for repositories of data: results/ro-crate-metadata.json
+	$(RUN) velocal run --cores $(CORES) results/ro-crate-metadata.json
 
 site: $(INSTALLED) ## build the documentation: results/site/index.html
 	$(BIN)/sphinx-build -q -W -b html docs results/site

@@ -5,6 +5,7 @@
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
 #       {results}/published/misses.csv       those outside their tolerance, with the known reason;
 #                                            the run fails if another one is outside
+#       {results}/ro-crate-metadata.json     the run as a Research Object Crate; on demand
 #       {results}/report.html                all of it on one page that needs no network; it is
 #                                            written before that check, and shows what fails
 
@@ -130,3 +131,20 @@ rule write_report:
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"
+
+
+# Not part of `all`, as it holds the day of the run; `make crate` asks for it.
+rule describe_run:
+    input:
+        given=list(GIVEN),
+        made=lambda wildcards: with_all_before(TARGETS),
+    output:
+        metadata=f"{RESULTS}/ro-crate-metadata.json",
+    log:
+        f"{RESULTS}/logs/describe_run.log",
+    localrule: True
+    params:
+        title=SETTINGS.study,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/describe_run.py"

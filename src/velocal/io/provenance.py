@@ -14,11 +14,15 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1]
 
 #: Distributions whose version can change a number or a picture.
-NUMERICAL = ("velocal", "numpy", "scipy", "pandas", "pyarrow", "matplotlib", "snakemake")
+NUMERICAL = ("velocal", "numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pillow", "snakemake")
 
 
-#: Distributions whose version is in the digest of every script that imports them.
-IMPORTED = frozenset({"numpy", "scipy", "pandas", "pyarrow", "matplotlib", "jinja2"})
+#: Distributions whose version is in the digest of every script that imports them, by the name of
+#: the package that is imported.
+IMPORTED = {
+    **{name: name for name in ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "jinja2")},
+    "PIL": "pillow",
+}
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def _source(path: Path) -> Source:
     for name in _imports(tree):
         head, *rest = name.split(".")
         if head in IMPORTED:
-            distributions.add(head)
+            distributions.add(IMPORTED[head])
         if head != PACKAGE.name:
             continue
         for depth in range(len(rest) + 1):

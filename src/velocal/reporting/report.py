@@ -33,6 +33,9 @@ from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
 from velocal.survey.checks.findings import Finding
 
+#: What the template of the page includes. A script is run again when a file that its modules name
+#: changes, and these are named in a template only.
+INCLUDED = ("lasers.html.j2", "report.css", "report.js")
 #: Headings of the quantities of the tables.
 QUANTITIES = {
     "std_cm": "Std [cm]",

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from support.running import ROOT
 
-from velocal.io.scripts import TRIGGERS, disagreements
+from velocal.io.scripts import NOT_TAKEN, TRIGGERS, disagreements
 
 RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 
 
 def faults(rule, main):
     names = {
-        part: set(values.keys()) - TRIGGERS
+        part: set(values.keys()) - NOT_TAKEN
         for part, values in (("input", rule.input), ("output", rule.output), ("param", rule.params))
     }
     return disagreements(main, names, rule.wildcard_names)

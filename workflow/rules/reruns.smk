@@ -80,14 +80,17 @@ def with_all_before(targets):
     While files that were once made from it are there, it would not be missed: the next run would
     say "Nothing to be done", and results of before the change would pass for new ones.
     """
-    found, open_ = {}, [*targets]
+    found, seen, open_ = {}, set(), [*targets]
     while open_:
         path = open_.pop()
         if isinstance(path, list):
             open_ += path
             continue
+        if path in seen:
+            continue
+        seen.add(path)
         maker = next((rule for rule in workflow.rules if rule.is_producer(path)), None)
-        if maker is None or path in found:
+        if maker is None:
             continue
         wildcards = Wildcards(fromdict=maker.get_wildcards(path))
         found[path] = None

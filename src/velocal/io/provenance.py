@@ -82,7 +82,9 @@ def _imports(tree: ast.AST) -> Iterator[str]:
 
     Imports for type checkers alone are left out: nothing of them is there when a script runs.
     """
-    for node in ast.iter_child_nodes(tree):
+    open_ = [tree]
+    while open_:
+        node = open_.pop()
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
@@ -90,7 +92,8 @@ def _imports(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        yield from _imports(node)
+        elif not isinstance(node, ast.expr):  # an import is a statement
+            open_ += ast.iter_child_nodes(node)
 
 
 def library_files(script: Path) -> list[Path]:

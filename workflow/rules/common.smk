@@ -10,8 +10,9 @@ from velocal.io import run_lock
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
-from velocal.study.samples import MAX_MISSING, NOMINAL, WHOLE, WINDOWS
+from velocal.study.samples import NOMINAL
 from velocal.study.study import read_study
+from velocal.study.windows import MAX_MISSING, WHOLE, WINDOWS
 from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.

@@ -13,7 +13,7 @@ from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.variance_test import holm_p
 from velocal.paper.claims.verdict import ALPHA, QUANTILE, SHOWN, Judgement, Verdict, rms
-from velocal.study.samples import WINDOWS
+from velocal.study.windows import WINDOWS
 
 #: Power at which the smallest effect is stated that a test finds.
 POWER = 0.8

@@ -113,6 +113,7 @@ rule draw_procedure:
         csv=figure_files(PROCEDURES, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_procedure.log",
+    localrule: True
     params:
         samples=list(STUDY.surveyed),
         scanners=[each.scanner for each in STUDY.surveyed.values()],

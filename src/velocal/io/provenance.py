@@ -41,12 +41,27 @@ class Source:
     distributions: frozenset[str] = frozenset()
 
 
-class _WithoutDocstrings(ast.NodeTransformer):
-    """Removes texts that stand alone: docstrings, which change no result."""
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    """Remove texts that stand alone: docstrings, which change no result."""
+    open_: list[ast.AST] = [tree]
+    while open_:
+        node = open_.pop()
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            # Statements only: a lambda and a conditional expression have such fields too.
+            inner = getattr(node, name, None)
+            if isinstance(inner, list):
+                inner[:] = [each for each in inner if not _is_text(each)]
+                open_ += inner
+    return tree
 
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        lonely = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-        return None if lonely else node
+
+def _is_text(node: ast.AST) -> bool:
+    """Whether a statement is a text and nothing else."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
 
 
 @cache
@@ -73,7 +88,7 @@ def _source(path: Path) -> Source:
             place = PACKAGE.joinpath(*rest[:depth])
             module = place.with_suffix(".py") if depth else place / "__init__.py"
             files.update(file for file in (module, place / "__init__.py") if file.is_file())
-    content = ast.dump(_WithoutDocstrings().visit(tree)).encode()
+    content = ast.dump(_without_docstrings(tree)).encode()
     return Source(content, frozenset(files), frozenset(distributions))
 
 

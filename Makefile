@@ -62,7 +62,7 @@ field: $(INSTALLED) ## run the workflow on recordings without a survey: config/u
 test: lint ## run all checks, then all tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \
 	    echo "no reference data of NIST: the tests that need them are skipped. Hint: make nist says why"
-	$(RUN) pytest -n 2
+	$(RUN) pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # With atheris (pip install -e '.[fuzz]') guided by coverage; ARGS="pcap --seconds 600" or ARGS="--cases 1000000".
 fuzz: $(INSTALLED) ## try the readers of files with damaged ones, a minute each: tests/fuzz

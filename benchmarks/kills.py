@@ -115,7 +115,7 @@ def digests(folder: Path) -> dict[str, str]:
     return {
         path.relative_to(results).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(results.rglob("*"))
-        if path.is_file() and "logs" not in path.relative_to(results).parts
+        if path.is_file() and not {"logs", "benchmarks"} & set(path.relative_to(results).parts)
     }
 
 

@@ -5,12 +5,13 @@ from pathlib import Path
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.chain import adjust
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.scanner.models import scanner_named
 from velocal.study.adjustment import Adjustment
 from velocal.survey.station import read_station
 
 
+@for_each("assigned", "adjustment", "covariance")
 def main(
     *,
     assigned: Path,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reduction.assignment import assigned_rows
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import scanner_named
@@ -12,6 +12,7 @@ from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 
 
+@for_each("medians", "assigned")
 def main(
     *,
     medians: Path,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from velocal.calibration.files.formats import read_calibration, read_or_nominal
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.corrections import (
     CorrectedSet,
     corrections,
@@ -16,6 +16,17 @@ from velocal.scanner.models import scanner_named
 from velocal.study.figures import CorrectionsFigure
 
 
+@for_each(
+    "sets",
+    "adjustments",
+    "calibration",
+    "svg",
+    "png",
+    "csv",
+    "selection",
+    "set_names",
+    "adjusted_for",
+)
 def main(
     *,
     sets: list[Path],

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter
 
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures import beam_geometry, flow, packet
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
@@ -16,6 +16,7 @@ from velocal.study.figures import Diagram, FrameFigure, PacketFigure, ResidualFi
 DIAGRAM: TypeAdapter[Diagram] = TypeAdapter(Annotated[Diagram, Field(discriminator="kind")])
 
 
+@for_each("svg", "png", "csv", "selection")
 def main(*, svg: Path, png: Path, csv: Path, selection: Mapping[str, Any]) -> None:
     """Write the drawing as SVG and PNG and what is drawn as CSV."""
     drawn = DIAGRAM.validate_python(selection)

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.histogram import draw_histogram, histogram, residuals_of
 from velocal.reporting.style import save
 from velocal.study.figures import HistogramFigure
 
 
+@for_each("residuals", "svg", "png", "csv", "selection", "sigma_cm")
 def main(
     *,
     residuals: list[Path],

@@ -6,12 +6,13 @@ import pandas as pd
 
 from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
 from velocal.reporting.style import save
 from velocal.study.figures import LaserFigure
 
 
+@for_each("svg", "png", "csv", "selection", "sigma_cm")
 def main(
     *,
     lasers: Path,

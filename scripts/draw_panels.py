@@ -6,13 +6,14 @@ import pandas as pd
 
 from velocal.evaluation.candidates import IDENTITY
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.paper.outdoor import HEADING
 from velocal.reporting.figures.panels import draw, top_cm
 from velocal.reporting.figures.panels import numbers as numbers_of
 from velocal.reporting.style import save
 
 
+@for_each("svg", "png", "csv", "kind", "scanner", "sigma_cm")
 def main(
     *,
     summary: Path,

@@ -6,7 +6,7 @@ import pandas as pd
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.plan import draw_plan, plan
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
@@ -17,6 +17,7 @@ from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
 
+@for_each("medians", "surveys", "calibration", "svg", "png", "csv", "samples", "selection")
 def main(
     *,
     medians: list[Path],

@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.flow import UsedSample, draw_procedure, procedure_table
 from velocal.reporting.style import save
 from velocal.study.figures import Table
 
 
+@for_each("svg", "png", "csv")
 def main(
     *,
     svg: Path,

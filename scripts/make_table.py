@@ -6,11 +6,12 @@ import pandas as pd
 
 from velocal.evaluation.statistics import KEYS
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.paper import tables
 from velocal.study.figures import Table
 
 
+@for_each("csv", "md", "tex", "table", "selection")
 def main(
     *,
     summary: Path,

@@ -11,13 +11,14 @@ from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.panels import Panels, fit_panels, panel_rows
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
 from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
 
 
+@for_each("recording", "calibration", "sets", "ledger", "panels", "sample", "candidates", "units")
 def main(
     *,
     recording: Path,

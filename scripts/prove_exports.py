@@ -5,12 +5,13 @@ from pathlib import Path
 from velocal.calibration.files import formats
 from velocal.evaluation.exported import Observed, exported_columns
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
 from velocal.survey.station import read_station
 
 
+@for_each("assigned", "surveys", "calibration", "csv", "files", "exports", "scanner", "positions")
 def main(
     *,
     assigned: list[Path],

@@ -7,12 +7,13 @@ from velocal.calibration.files import formats
 from velocal.evaluation.candidates import Candidate, Role
 from velocal.evaluation.statistics import ROTATIONS_FROM, statistics_table
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.scanner.beam import points
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import read_station
 
 
+@for_each("assigned", "adjusted", "residuals", "statistics", "window")
 def main(
     *,
     assigned: Path,

@@ -9,7 +9,7 @@ from velocal.capture.source import SourceFilter
 from velocal.evaluation.candidates import with_sets
 from velocal.evaluation.statistics import ROTATIONS_FROM, statistics_table
 from velocal.io import storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.recording.returns import returns_of
 from velocal.recording.windows import read_index, single_rotations
 from velocal.reduction.assignment import assigned_rows
@@ -19,6 +19,7 @@ from velocal.study.reduction import AssignmentLimits
 from velocal.survey.station import read_station
 
 
+@for_each("statistics", "window")
 def main(
     *,
     recording: Path,

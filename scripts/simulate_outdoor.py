@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
 from velocal.simulation.outdoor import outdoor_scene
 
 
+@for_each("recording", "sample", "scanner", "scene")
 def main(
     *,
     world_file: Path,

@@ -1,6 +1,8 @@
 """Fixtures that every kind of test may use."""
 
+import fcntl
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +27,30 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files of the workflow first for `pytest -n`: they take longest."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
+
+
 @pytest.fixture(scope="session")
 def tiny_study(tmp_path_factory) -> Path:
-    """The folder of the finished tiny study: a test puts back what it changes there."""
-    return run_tiny(copy_project(tmp_path_factory.mktemp("tiny") / "project"), 2)
+    """The folder of the finished tiny study: a test puts back what it changes there.
+
+    Processes of `pytest -n` share one run, and each has a copy of it.
+    """
+    own = tmp_path_factory.mktemp("tiny") / "project"
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return run_tiny(copy_project(own), 2)
+    shared = tmp_path_factory.getbasetemp().parent / "tiny study"
+    finished = shared.with_suffix(".finished")
+    with shared.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not finished.exists():
+            shutil.rmtree(shared, ignore_errors=True)
+            run_tiny(copy_project(shared), 2)
+            finished.touch()
+    return shutil.copytree(shared, own)
 
 
 @pytest.fixture(scope="session")

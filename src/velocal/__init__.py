@@ -20,7 +20,6 @@ imported when they are used for the first time, so that `import velocal` is quic
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
@@ -95,11 +94,15 @@ _PLACES = {
 
 __all__ = [*_PLACES, "__version__"]
 
-__version__ = version("velocal")
+if TYPE_CHECKING:
+    __version__: str
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is used for the first time."""
+    """Import a public name, or look up the version, when it is used for the first time."""
+    if name == "__version__":
+        globals()[name] = import_module("importlib.metadata").version(__name__)
+        return globals()[name]
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)

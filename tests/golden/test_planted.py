@@ -8,9 +8,9 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-import decode_returns
 import numpy as np
 import pytest
+import reduce_recording
 import residuals_calibration
 import yaml
 from support.frozen import FILES, differences
@@ -72,9 +72,9 @@ def test_a_wrong_sigma(study, monkeypatch):
 
 
 def test_one_window_in_place_of_three(study, monkeypatch):
-    right = decode_returns.window_rotations
+    right = reduce_recording.window_rotations
     monkeypatch.setattr(
-        decode_returns,
+        reduce_recording,
         "window_rotations",
         lambda index, window, length, where: right(index, "middle", length, where),
     )

@@ -15,7 +15,7 @@ from snakemake.api import SnakemakeApi
 from snakemake.iocontainers import Wildcards
 from snakemake.settings.types import ConfigSettings, OutputSettings, Quietness, ResourceSettings
 
-from velocal.io.scripts import arguments
+from velocal.io.scripts import calls
 
 
 @dataclass
@@ -40,7 +40,8 @@ class Job:
         main = importlib.import_module(self.script).main
         for path in self.output:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-        main(**arguments(main, self))
+        for given in calls(main, self):
+            main(**given)
 
 
 class Rules:

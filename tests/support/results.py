@@ -6,7 +6,7 @@ import pandas as pd
 from velocal.evaluation.candidates import Role
 from velocal.evaluation.statistics import statistics_columns, summary_row
 from velocal.study.figures import Table
-from velocal.study.samples import WINDOWS
+from velocal.study.windows import WINDOWS
 
 SAMPLES = {"HDL-64E": ("sa1", "sa2", "sa3", "sa4"), "HDL-32E": ("sa5", "sa6")}
 SETS = {"HDL-64E": ("set1", "set2", "set3"), "HDL-32E": ("set1",)}

@@ -9,18 +9,23 @@ import numpy as np
 import pytest
 from support.capture import as_bytes, pcap_head, pcap_packet, scan, spin, udp_frame, write
 from support.containers import (
+    block,
     containers,
+    enhanced,
     ethernet,
     fragments,
     frames_of,
+    interface,
     ip_packet,
     pcap_of,
     pcapng,
+    section,
     write_ros1,
     write_ros2,
 )
 
 from velocal.capture import compressed, framing
+from velocal.capture import pcapng as pcapng_module
 from velocal.capture.reading import open_capture
 from velocal.capture.source import SourceFilter
 from velocal.errors import RecordingError
@@ -255,6 +260,27 @@ def test_position_packets_are_noted(tmp_path):
         assert ledger.position.packets == 3
         assert ledger.nmea == sentence.decode()
         assert ledger.unaccounted_bytes == 0
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("damaged", [None, 30, 60])
+def test_runs_of_pcapng_are_what_their_packets_are(order, damaged, tmp_path, monkeypatch):
+    """Packets of one size are looked at as an array, up to the first that is not like them."""
+    blocks = [enhanced(frame, n, order) for n, frame in enumerate(frames_of(PAYLOADS))]
+    if damaged is not None:
+        blocks[damaged] = blocks[damaged][:-4] + bytes(4)
+    blocks.insert(50, block(4, bytes(8), order))
+    path = write(tmp_path, section(order) + interface(order) + b"".join(blocks))
+    in_runs = scan(path)
+    monkeypatch.setattr(pcapng_module, "ALIKE", 10**9)
+    one_by_one = scan(path)
+    for one, other in zip(in_runs[:3], one_by_one[:3], strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert in_runs[3].as_dict() == one_by_one[3].as_dict()
+    lost = [] if damaged is None else [damaged]
+    np.testing.assert_array_equal(in_runs[0], np.delete(PAYLOADS, lost, axis=0))
+    assert sum(count.packets for count in in_runs[3].rejected.values()) == len(lost)
+    assert in_runs[3].unaccounted_bytes == 0
 
 
 # -- compressed ------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from velocal.errors import ConfigError, ScriptError
-from velocal.io.scripts import arguments, convert, run
+from velocal.io.scripts import calls, convert, for_each, run
 
 
 class Limits(BaseModel):
@@ -93,7 +93,7 @@ PARTS = {
 
 def test_names_of_all_four_kinds_and_no_digest():
     expected = {"data": Path("in.csv"), "table": Path("out.csv"), "seed": 7}
-    assert arguments(main, job(**PARTS)) == expected
+    assert calls(main, job(**PARTS)) == [expected]
 
 
 @pytest.mark.parametrize(
@@ -107,14 +107,14 @@ def test_names_of_all_four_kinds_and_no_digest():
 )
 def test_names_that_differ_are_an_error(change, message):
     with pytest.raises(ScriptError, match=message):
-        arguments(main, job(**(PARTS | change)))
+        calls(main, job(**(PARTS | change)))
 
 
 def test_a_positional_argument_is_an_error():
     def positional(data: Path, *, table: Path, seed: int) -> None: ...
 
     with pytest.raises(ScriptError, match="main takes 'data' by position"):
-        arguments(positional, job(**PARTS))
+        calls(positional, job(**PARTS))
 
 
 def test_an_error_is_one_message_in_the_log(tmp_path, capsys):
@@ -123,3 +123,60 @@ def test_an_error_is_one_message_in_the_log(tmp_path, capsys):
         run(main, job(log=[str(log)], **PARTS))
     assert stopped.value.code == 1
     assert log.read_text() == "Error: in.csv out.csv 7\n" == capsys.readouterr().err
+
+
+@for_each("data", "table", "seed")
+def each(*, data: Path | None, more: list[Path], table: Path, seed: int, name: str) -> None:
+    """Of a script that is called for each of several tables."""
+
+
+LISTS = {
+    "input": {"data": ["a.csv"], "more": "all.csv"},
+    "output": {"table": ["1.csv", "2.csv"]},
+    "params": {"library": "0123", "seed": [7, 8], "counts": {"data": [0, 1]}, "name": "x"},
+}
+
+
+def test_one_call_for_each_value():
+    expected = [
+        {"data": data, "more": [Path("all.csv")], "table": Path(table), "seed": seed, "name": "x"}
+        for data, table, seed in ((None, "1.csv", 7), (Path("a.csv"), "2.csv", 8))
+    ]
+    assert calls(each, job(**LISTS)) == expected
+
+
+def test_several_files_of_one_input():
+    @for_each("more", "table")
+    def several(*, more: list[Path], table: Path) -> None: ...
+
+    given = job(
+        input={"more": ["a", "b", "c"]},
+        output={"table": ["1", "2"]},
+        params={"counts": {"more": [1, 2]}},
+    )
+    assert [call["more"] for call in calls(several, given)] == [
+        [Path("a")],
+        [Path("b"), Path("c")],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"output": {"table": "1.csv"}}, "lists of different lengths: .*'table': 1"),
+        ({"input": {"data": ["a", "b"], "more": []}}, "2 files of 'data', but 1 counted"),
+        ({"params": LISTS["params"] | {"seed": 7}}, "7 does not fit .allowed: a list"),
+        ({"params": LISTS["params"] | {"seed": [7, "x"]}}, "'x' does not fit .allowed: int"),
+    ],
+)
+def test_lists_that_do_not_fit_are_an_error(change, message):
+    with pytest.raises(ScriptError, match=message):
+        calls(each, job(**(LISTS | change)))
+
+
+def test_for_each_names_arguments():
+    @for_each("other")
+    def wrong(*, data: Path, table: Path, seed: int) -> None: ...
+
+    with pytest.raises(ScriptError, match="for_each names 'other', which main does not take"):
+        calls(wrong, job(**PARTS))

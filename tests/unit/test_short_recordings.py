@@ -2,11 +2,10 @@
 
 import json
 
-import decode_returns
 import index_recording
 import numpy as np
 import pytest
-import reduce_medians
+import reduce_recording
 from support.capture import record_list, scan, spin, write
 from typer.testing import CliRunner
 
@@ -82,13 +81,10 @@ def test_scripts_of_a_study_without_a_survey(name, rotations, tmp_path):
         recording=path, ledger=tmp_path / "ledger.json", rotations=index, calibration=None,
         max_missing=0.05, **of,
     )  # fmt: skip
-    decode_returns.main(
-        recording=path, rotations=index, returns=returns, window="all", length=None,
-        which="strongest", **of,
+    reduce_recording.main(
+        recording=path, rotations=index, returns=returns, medians=medians, window="all",
+        length=None, which="strongest", azimuth_bin_ticks=20, min_count=1, **of,
     )  # fmt: skip
-    reduce_medians.main(
-        returns=returns, medians=medians, scanner=name, azimuth_bin_ticks=20, min_count=1
-    )
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     assert len(columns["distance"]) > 0
     assert facts["rotation_rate_hz"] > 5.0

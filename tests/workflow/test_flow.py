@@ -5,10 +5,7 @@ from snakemake.iocontainers import Wildcards
 
 from velocal.reporting.figures.flow import HANDED_OVER, STEPS
 
-WILDCARDS = {
-    "sample": "sa3", "window": "beginning", "position": "P2", "scanner": "HDL-64E",
-    "parameter_set": "set1", "table": "2", "figure": "13",
-}  # fmt: skip
+WILDCARDS = {"sample": "sa3", "position": "P2", "scanner": "HDL-64E", "parameter_set": "set1"}
 
 
 def makers(rules, path):

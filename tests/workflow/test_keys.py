@@ -63,14 +63,14 @@ def change(path: str, value: Any, *seen: str | Given, before=()) -> Change:
 
 
 def table(name: str) -> Given:
-    return Given("make_table", name, (("table", "2"),))
+    return Given("make_table", name)
 
 
-def figure(name: str, number: str, rule: str = "draw_lasers") -> Given:
-    return Given(rule, name, (("figure", number),))
+def figure(name: str, rule: str = "draw_lasers") -> Given:
+    return Given(rule, name)
 
 
-PANEL_KIND = Given("draw_panels", "kind", (("figure", "27"),))
+PANEL_KIND = Given("draw_panels", "kind")
 DRAWN = Given("draw_map", "selection")
 SEARCHED = ((("unsurveyed", "patches"), {}),)
 
@@ -85,7 +85,7 @@ def offset(name: str) -> tuple[tuple[tuple[str, ...], Any], ...]:
 
 
 OF_UNIT = (("scanner", "HDL-64E"), ("unit", "unit"))
-OF_WINDOW = (("sample", "sa3"), ("window", "beginning"))
+OF_SAMPLE = (("sample", "sa3"),)
 UNIT = ((("calibrations",), {"HDL-64E": {"unit": ["sa3"]}}),)
 WITHOUT_SURVEY = (("scanner", "HDL-32E"), ("unit", "walls"))
 UNSURVEYED_UNIT = (
@@ -188,8 +188,8 @@ CHANGES = {
     },
     "joint.near_points": change(
         "joint.near_points", False, Given("adjust_unit", "joint", OF_UNIT),
-        Given("residuals_calibration", "near_points", OF_WINDOW),
-        Given("residuals_validation", "near_points", OF_WINDOW),
+        Given("residuals_calibration", "near_points", OF_SAMPLE),
+        Given("residuals_validation", "near_points", OF_SAMPLE),
         before=(*UNIT, (("joint", "near_points"), True)),
     ),
     "export.distance": change(
@@ -205,7 +205,7 @@ CHANGES = {
     ),
     "outdoor.rotations": change(
         "outdoor.rotations", 4,
-        Given("simulate_outdoor", "rotations", (("outdoor", "o1"),)),
+        Given("simulate_outdoor", "rotations"),
     ),
     "outdoor.panels.{panel}.across_m": change(
         "outdoor.panels.left.across_m", [-1.8, -0.8], PANELS
@@ -253,20 +253,20 @@ CHANGES = {
     ),
     'tables."2" ... "5".samples': change("tables.2.samples", ["sa1"], table("selection")),
     'tables."2" ... "5".data': change("tables.2.data", "validation", table("selection")),
-    f"{FIGURE}.kind": change("figures.13.kind", "within", figure("selection", "13")),
+    f"{FIGURE}.kind": change("figures.13.kind", "within", figure("selection")),
     f"{FIGURE}.scanner": change(
         "figures.13", {"kind": "std", "scanner": "HDL-32E", "samples": ["sa5"],
-        "data": "calibration"}, figure("selection", "13"),
+        "data": "calibration"}, figure("selection"),
     ),
     f"{FIGURE}.samples": change(
-        "figures.11.samples", ["sa1"], figure("selection", "11", "draw_plan"),
-        figure("medians", "11", "draw_plan"),
+        "figures.11.samples", ["sa1"], figure("selection", "draw_plan"),
+        figure("medians", "draw_plan"),
     ),
-    f"{FIGURE}.data": change("figures.13.data", "validation", figure("selection", "13")),
+    f"{FIGURE}.data": change("figures.13.data", "validation", figure("selection")),
     f"{FIGURE}.laser": change("figures.18.laser", 2, "results/figures/figure_18.csv"),
     f"{FIGURE}.sets": change(
-        "figures.30.sets", ["set2"], figure("sets", "30", "draw_corrections"),
-        figure("adjustments", "30", "draw_corrections"),
+        "figures.30.sets", ["set2"], figure("sets", "draw_corrections"),
+        figure("adjustments", "draw_corrections"),
     ),
     f"{FIGURE}.set": change("figures.28.set", "set2", Given("map_building", "refined")),
     f"{MAP}.x_m": change("figures.28.sections.a.x_m", [0.5, 5], DRAWN),

@@ -255,7 +255,7 @@ def digests(folder):
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted((folder / "results").rglob("*"))
-        if path.is_file() and "logs" not in path.parts
+        if path.is_file() and not {"logs", "benchmarks"} & set(path.parts)
     }
 
 

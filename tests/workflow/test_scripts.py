@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from support.running import ROOT
 
-from velocal.io.scripts import TRIGGERS, disagreements
+from velocal.io.scripts import NOT_TAKEN, TRIGGERS, disagreements
 
 RULES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 
 
 def faults(rule, main):
     names = {
-        part: set(values.keys()) - TRIGGERS
+        part: set(values.keys()) - NOT_TAKEN
         for part, values in (("input", rule.input), ("output", rule.output), ("param", rule.params))
     }
     return disagreements(main, names, rule.wildcard_names)
@@ -79,3 +79,10 @@ def test_every_script_has_a_rule(study_rules):
 def test_every_script_runs_again_when_its_library_changes(study_rules):
     for rule in study_rules.values():
         assert set(rule.params.keys()) >= TRIGGERS if rule.script else rule.name == "all"
+
+
+def test_every_job_is_measured(study_rules):
+    for rule in study_rules.values():
+        if rule.script:
+            log = str(rule.log[0]).replace("/logs/", "/benchmarks/")
+            assert f"{rule.benchmark}" == f"{log.removesuffix('.log')}.tsv"

@@ -1,7 +1,8 @@
 # From medians on surveyed planes to parameter sets.
 #
 # A parameter set is a mean of the adjustments of single windows, as in the paper. A calibration is
-# one adjustment of all lasers, stations and planes of a unit.
+# one adjustment of all lasers, stations and planes of a unit. All windows of a sample are one job,
+# and so are the proofs of all exported files.
 #
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
@@ -51,13 +52,13 @@ SET_FILES = expand(
 
 rule assign_medians:
     input:
-        medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+        medians=of_windows(f"{RESULTS}/medians/{{sample}}/{{window}}.parquet"),
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
     output:
-        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+        assigned=of_windows(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet"),
     log:
-        f"{RESULTS}/logs/assign_medians/{{sample}}.{{window}}.log",
+        f"{RESULTS}/logs/assign_medians/{{sample}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
@@ -67,16 +68,18 @@ rule assign_medians:
 
 rule adjust_lasers:
     input:
-        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+        assigned=of_windows(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet"),
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
         # Nothing is adjusted with a wrong survey; what the checks say changes no adjustment.
         checks=after_checks,
     output:
-        adjustment=f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
-        covariance=f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
+        adjustment=of_windows(f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv"),
+        covariance=of_windows(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv"
+        ),
     log:
-        f"{RESULTS}/logs/adjust_lasers/{{sample}}.{{window}}.log",
+        f"{RESULTS}/logs/adjust_lasers/{{sample}}.log",
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         config=lambda wildcards: STUDY.adjustment(sample_of(wildcards).scanner).plain(),
@@ -211,31 +214,43 @@ rule average_set:
         "../../scripts/average_set.py"
 
 
+# For each set and calibration: its exported files, and what it was adjusted on.
+CANDIDATES = [
+    (scanner, name) for scanner in STUDY.scanners for name in STUDY.candidates(scanner)
+]
+OF_EXPORTS = {
+    "assigned": [
+        per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+            samples_of_candidate(*each),
+        )
+        for each in CANDIDATES
+    ],
+    "surveys": [
+        at_positions(f"{RESULTS}/survey/{{position}}.json", samples_of_candidate(*each))
+        for each in CANDIDATES
+    ],
+    "calibration": factory_paths([scanner for scanner, _ in CANDIDATES]),
+    "files": [[f"{path}.{suffix}" for suffix in PROGRAM_SUFFIXES] for path in SETS],
+}
+
+
 rule prove_exports:
     input:
-        assigned=lambda wildcards: per_window(
-            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-            samples_of_candidate(wildcards),
-        ),
-        surveys=lambda wildcards: at_positions(
-            f"{RESULTS}/survey/{{position}}.json",
-            samples_of_candidate(wildcards),
-        ),
-        calibration=lambda wildcards: factory_path(wildcards.scanner),
-        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.csv",
-        files=[
-            f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.{suffix}"
-            for suffix in PROGRAM_SUFFIXES
-        ],
+        assigned=grouped(OF_EXPORTS["assigned"]),
+        surveys=grouped(OF_EXPORTS["surveys"]),
+        calibration=grouped(OF_EXPORTS["calibration"]),
+        csv=[f"{path}.csv" for path in SETS],
+        files=grouped(OF_EXPORTS["files"]),
     output:
-        exports=f"{RESULTS}/parameter_sets/{{scanner}}/{{candidate}}.exports.csv",
+        exports=[f"{path}.exports.csv" for path in SETS],
     log:
-        f"{RESULTS}/logs/prove_exports/{{scanner}}.{{candidate}}.log",
-    wildcard_constraints:
-        candidate=r"\w+",
+        f"{RESULTS}/logs/prove_exports.log",
     params:
-        positions=lambda wildcards: positions_per_window(
-            samples_of_candidate(wildcards)
-        ),
+        counts=counts(**OF_EXPORTS),
+        scanner=[scanner for scanner, _ in CANDIDATES],
+        positions=[
+            positions_per_window(samples_of_candidate(*each)) for each in CANDIDATES
+        ],
     script:
         "../../scripts/prove_exports.py"

@@ -10,7 +10,7 @@
 #       {results}/published/light.{csv,svg,png}      samples with and without light, per laser
 #       {results}/published/offsets.{csv,svg,png}    voff and hoff adjusted too, per laser
 
-from velocal.paper.claims.light import LIGHT
+from velocal.paper.claims import LIGHT
 
 CLAIM_FILES = [
     *expand(

@@ -10,8 +10,9 @@ from velocal.io import run_lock
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
-from velocal.study.samples import MAX_MISSING, NOMINAL, WHOLE, WINDOWS
+from velocal.study.samples import NOMINAL
 from velocal.study.study import read_study
+from velocal.study.windows import MAX_MISSING, WHOLE, WINDOWS
 from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
@@ -54,8 +55,6 @@ wildcard_constraints:
     position=one_of(STUDY.positions),
     scanner=one_of(dict.fromkeys(s.scanner for s in STUDY.samples.values())),
     parameter_set=r"\w+",
-    table=r"\d",
-    figure=one_of(FIGURES),
     seed=r"\d+",
 
 
@@ -68,6 +67,14 @@ def figure_files(numbers, suffixes=("svg", "png", "csv")):
     return expand(
         f"{RESULTS}/figures/figure_{{figure}}.{{suffix}}",
         figure=numbers,
+        suffix=suffixes,
+    )
+
+
+def table_files(*suffixes):
+    return expand(
+        f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
+        table=SETTINGS.tables,
         suffix=suffixes,
     )
 
@@ -89,6 +96,15 @@ def calibration_file(wildcards):
 def factory_path(scanner):
     """Factory calibration of a scanner, as input; nothing for nominal values."""
     return STUDY.factory_files.get(scanner, [])
+
+
+def of_windows(pattern):
+    """Paths of a pattern for all windows of a surveyed sample; its other wildcards remain."""
+    return expand(pattern, window=WINDOWS, allow_missing=True)
+
+
+def windows_of(wildcards):
+    return list(sample_of(wildcards).windows)
 
 
 def per_window(pattern, samples):
@@ -124,27 +140,46 @@ def factory_of_calibration(wildcards):
     return [] if path == NOMINAL else path
 
 
-def samples_of_candidate(wildcards):
+def samples_of_candidate(scanner, name):
     """Samples of a parameter set or of a calibration."""
-    scanner, name = wildcards.scanner, wildcards.candidate
     sets = STUDY.parameter_sets.get(scanner, {})
     return sets[name] if name in sets else STUDY.calibrations[scanner][name]
 
 
+def grouped(groups):
+    """Files of every call of a script, one list after the other: an input with `counts`."""
+    return [path for group in groups for path in group]
+
+
+def counts(**groups):
+    """How many files every call takes, by name of the input (`velocal.io.scripts`)."""
+    return {name: [len(group) for group in each] for name, each in groups.items()}
+
+
+def factory_paths(scanners):
+    """Factory calibration of each of some scanners, as `grouped` takes them."""
+    return [
+        [STUDY.factory_files[name]] if name in STUDY.factory_files else []
+        for name in scanners
+    ]
+
+
 def unit_of(wildcards):
-    """Calibration that shows as "after" what a window was adjusted on; empty where the window
-    has an adjustment of its own."""
+    """Calibration that shows as "after" what the windows of a sample were adjusted on; empty where
+    they have adjustments of their own."""
     sample = sample_of(wildcards)
     averaged = STUDY.parameter_sets.get(sample.scanner)
     return "" if averaged else STUDY.calibration_of(wildcards.sample) or ""
 
 
 def adjusted_on(wildcards):
-    """File with the parameters of `unit_of`, or of the window's own adjustment."""
+    """Files with the parameters of `unit_of` or of its own adjustment, one for every window."""
     unit, scanner = unit_of(wildcards), sample_of(wildcards).scanner
     if unit:
-        return f"{RESULTS}/parameter_sets/{scanner}/{unit}.csv"
-    return f"{RESULTS}/adjustment/{wildcards.sample}/{wildcards.window}.csv"
+        return [f"{RESULTS}/parameter_sets/{scanner}/{unit}.csv" for _ in WINDOWS]
+    return per_window(
+        f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", [wildcards.sample]
+    )
 
 
 def at_positions(pattern, samples):
@@ -156,17 +191,16 @@ def at_positions(pattern, samples):
     ]
 
 
-def sets_drawn(wildcards):
+def sets_drawn(figure):
     """Parameter sets and calibrations of a figure of corrections."""
-    figure = CORRECTIONS[wildcards.figure]
-    return figure.sets or STUDY.candidates(figure.scanner)
+    return list(figure.sets or STUDY.candidates(figure.scanner))
 
 
-def adjustments_drawn(wildcards):
+def adjustments_drawn(figure):
     """Adjustments behind each of `sets_drawn`, as pairs of its name and a path."""
-    scanner = CORRECTIONS[wildcards.figure].scanner
+    scanner = figure.scanner
     found = []
-    for name in sets_drawn(wildcards):
+    for name in sets_drawn(figure):
         samples = STUDY.parameter_sets.get(scanner, {}).get(name)
         if samples is None:
             paths = [f"{RESULTS}/calibrations/{scanner}/{name}.csv"]

@@ -4,6 +4,8 @@
 #       need nothing but the configuration
 # out:  {results}/figures/figure_NN.{svg,png,csv}   of all kinds but those of map.smk; the figures of
 #                                                   panels are in outdoor.smk
+#
+# All figures of a rule are one job.
 
 LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
 HISTOGRAMS = figures_of("histogram")
@@ -11,24 +13,39 @@ CORRECTIONS = figures_of("corrections")
 DIAGRAMS = figures_of("packet", "frame", "residual", "flow")
 PROCEDURES = figures_of("procedure")
 
+# For each figure: the files that it shows.
+OF_HISTOGRAMS = [
+    per_window(f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet", each.samples)
+    for each in HISTOGRAMS.values()
+]
+OF_CORRECTIONS = {
+    "sets": [
+        [
+            f"{RESULTS}/parameter_sets/{each.scanner}/{name}.json"
+            for name in sets_drawn(each)
+        ]
+        for each in CORRECTIONS.values()
+    ],
+    "adjustments": [
+        [path for _, path in adjustments_drawn(each)] for each in CORRECTIONS.values()
+    ],
+    "calibration": factory_paths([each.scanner for each in CORRECTIONS.values()]),
+}
+
 
 rule draw_lasers:
     input:
         lasers=f"{RESULTS}/statistics/lasers.csv",
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(LASER_FIGURES, ["svg"]),
+        png=figure_files(LASER_FIGURES, ["png"]),
+        csv=figure_files(LASER_FIGURES, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_lasers/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(LASER_FIGURES),
+        f"{RESULTS}/logs/draw_lasers.log",
     params:
-        selection=lambda wildcards: LASER_FIGURES[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.sigma_cm(
-            LASER_FIGURES[wildcards.figure].scanner
-        ),
+        selection=[each.plain() for each in LASER_FIGURES.values()],
+        sigma_cm=[STUDY.sigma_cm(each.scanner) for each in LASER_FIGURES.values()],
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_lasers.py"
@@ -36,21 +53,17 @@ rule draw_lasers:
 
 rule draw_histogram:
     input:
-        residuals=lambda wildcards: per_window(
-            f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
-            HISTOGRAMS[wildcards.figure].samples,
-        ),
+        residuals=grouped(OF_HISTOGRAMS),
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(HISTOGRAMS, ["svg"]),
+        png=figure_files(HISTOGRAMS, ["png"]),
+        csv=figure_files(HISTOGRAMS, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_histogram/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(HISTOGRAMS),
+        f"{RESULTS}/logs/draw_histogram.log",
     params:
-        selection=lambda wildcards: HISTOGRAMS[wildcards.figure].plain(),
-        sigma_cm=lambda wildcards: STUDY.sigma_cm(HISTOGRAMS[wildcards.figure].scanner),
+        counts=counts(residuals=OF_HISTOGRAMS),
+        selection=[each.plain() for each in HISTOGRAMS.values()],
+        sigma_cm=[STUDY.sigma_cm(each.scanner) for each in HISTOGRAMS.values()],
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_histogram.py"
@@ -58,28 +71,22 @@ rule draw_histogram:
 
 rule draw_corrections:
     input:
-        sets=lambda wildcards: expand(
-            f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.json",
-            scanner=CORRECTIONS[wildcards.figure].scanner,
-            parameter_set=sets_drawn(wildcards),
-        ),
-        adjustments=lambda wildcards: [path for _, path in adjustments_drawn(wildcards)],
-        calibration=lambda wildcards: factory_path(
-            CORRECTIONS[wildcards.figure].scanner
-        ),
+        sets=grouped(OF_CORRECTIONS["sets"]),
+        adjustments=grouped(OF_CORRECTIONS["adjustments"]),
+        calibration=grouped(OF_CORRECTIONS["calibration"]),
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(CORRECTIONS, ["svg"]),
+        png=figure_files(CORRECTIONS, ["png"]),
+        csv=figure_files(CORRECTIONS, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_corrections/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(CORRECTIONS),
+        f"{RESULTS}/logs/draw_corrections.log",
     params:
-        selection=lambda wildcards: CORRECTIONS[wildcards.figure].plain(),
-        set_names=lambda wildcards: list(sets_drawn(wildcards)),
-        adjusted_for=lambda wildcards: [
-            name for name, _ in adjustments_drawn(wildcards)
+        counts=counts(**OF_CORRECTIONS),
+        selection=[each.plain() for each in CORRECTIONS.values()],
+        set_names=[sets_drawn(each) for each in CORRECTIONS.values()],
+        adjusted_for=[
+            [name for name, _ in adjustments_drawn(each)]
+            for each in CORRECTIONS.values()
         ],
         simulated=bool(WORLD),
     script:
@@ -88,28 +95,25 @@ rule draw_corrections:
 
 rule draw_diagram:
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(DIAGRAMS, ["svg"]),
+        png=figure_files(DIAGRAMS, ["png"]),
+        csv=figure_files(DIAGRAMS, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_diagram/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(DIAGRAMS),
+        f"{RESULTS}/logs/draw_diagram.log",
     params:
-        selection=lambda wildcards: DIAGRAMS[wildcards.figure].plain(),
+        selection=[each.plain() for each in DIAGRAMS.values()],
     script:
         "../../scripts/draw_diagram.py"
 
 
 rule draw_procedure:
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(PROCEDURES, ["svg"]),
+        png=figure_files(PROCEDURES, ["png"]),
+        csv=figure_files(PROCEDURES, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_procedure/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(PROCEDURES),
+        f"{RESULTS}/logs/draw_procedure.log",
+    localrule: True
     params:
         samples=list(STUDY.surveyed),
         scanners=[each.scanner for each in STUDY.surveyed.values()],

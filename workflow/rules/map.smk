@@ -13,29 +13,36 @@
 PLANS, MAPS = figures_of("plan"), figures_of("map")
 
 
+# For each plan: the files that it shows.
+OF_PLANS = {
+    "medians": [
+        expand(f"{RESULTS}/medians/{{sample}}/middle.parquet", sample=each.samples)
+        for each in PLANS.values()
+    ],
+    "surveys": [
+        at_positions(f"{RESULTS}/survey/{{position}}.json", each.samples)
+        for each in PLANS.values()
+    ],
+    "calibration": factory_paths([each.scanner for each in PLANS.values()]),
+}
+
+
 rule draw_plan:
     input:
-        medians=lambda wildcards: expand(
-            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
-            sample=PLANS[wildcards.figure].samples,
-            window="middle",
-        ),
-        surveys=lambda wildcards: at_positions(
-            f"{RESULTS}/survey/{{position}}.json", PLANS[wildcards.figure].samples
-        ),
+        medians=grouped(OF_PLANS["medians"]),
+        surveys=grouped(OF_PLANS["surveys"]),
         targets=SURVEY.planes if SURVEY else [],
-        calibration=lambda wildcards: factory_path(PLANS[wildcards.figure].scanner),
+        calibration=grouped(OF_PLANS["calibration"]),
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(PLANS, ["svg"]),
+        png=figure_files(PLANS, ["png"]),
+        csv=figure_files(PLANS, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_plan/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(PLANS),
+        f"{RESULTS}/logs/draw_plan.log",
     params:
-        samples=lambda wildcards: list(PLANS[wildcards.figure].samples),
-        selection=lambda wildcards: PLANS[wildcards.figure].plain(),
+        counts=counts(**OF_PLANS),
+        samples=[list(each.samples) for each in PLANS.values()],
+        selection=[each.plain() for each in PLANS.values()],
         limits=lambda wildcards: STUDY.assignment.limits.plain(),
         simulated=bool(WORLD),
     script:

@@ -9,14 +9,27 @@
 #       {results}/outdoor/facts.csv                 the means as items and values
 #       {results}/figures/figure_NN.{svg,png,csv}   std against distance, all on one scale
 #
-# The recordings are short: index, decoding and planes of one are a single job.
+# The recordings are short: index, decoding and planes of all of them are a single job.
 
 OUTDOOR = SETTINGS.outdoor
 OUTDOOR_FIGURES = OUTDOOR.figures if OUTDOOR else {}
-
-
-wildcard_constraints:
-    outdoor=one_of(STUDY.outdoor),
+# Recordings that are not handed over: name of the sample, and path.
+SIMULATED_OUTDOOR = {
+    name: f"{RESULTS}/simulation/recordings/{name}.bin"
+    for name, sample in STUDY.outdoor.items()
+    if sample.recording == f"{RESULTS}/simulation/recordings/{name}.bin"
+}
+# For each sample: the factory's calibration, and every parameter set and calibration.
+OF_OUTDOOR = {
+    "calibration": factory_paths([each.scanner for each in STUDY.outdoor.values()]),
+    "sets": [
+        expand(
+            f"{RESULTS}/parameter_sets/{each.scanner}/{{name}}.csv",
+            name=STUDY.candidates(each.scanner),
+        )
+        for each in STUDY.outdoor.values()
+    ],
+}
 
 
 OUTDOOR_FILES = figure_files(OUTDOOR_FIGURES)
@@ -32,40 +45,40 @@ if WORLD:
         input:
             world_file=WORLD,
         output:
-            recording=f"{RESULTS}/simulation/recordings/{{outdoor}}.bin",
+            recording=list(SIMULATED_OUTDOOR.values()),
         log:
-            f"{RESULTS}/logs/simulate_outdoor/{{outdoor}}.log",
+            f"{RESULTS}/logs/simulate_outdoor.log",
         params:
-            sample="{outdoor}",
-            scanner=lambda wildcards: outdoor_sample(wildcards).scanner,
-            scene=lambda wildcards: outdoor_sample(wildcards).scene,
-            rotations=lambda wildcards: OUTDOOR.rotations,
+            sample=list(SIMULATED_OUTDOOR),
+            scanner=[STUDY.outdoor[name].scanner for name in SIMULATED_OUTDOOR],
+            scene=[STUDY.outdoor[name].scene for name in SIMULATED_OUTDOOR],
+            rotations=OUTDOOR.rotations if OUTDOOR else 0,
         script:
             "../../scripts/simulate_outdoor.py"
 
 
 rule measure_panels:
     input:
-        recording=lambda wildcards: outdoor_sample(wildcards).recording,
-        calibration=lambda wildcards: factory_path(outdoor_sample(wildcards).scanner),
-        sets=lambda wildcards: expand(
-            f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
-            scanner=outdoor_sample(wildcards).scanner,
-            parameter_set=STUDY.candidates(outdoor_sample(wildcards).scanner),
-        ),
+        recording=[each.recording for each in STUDY.outdoor.values()],
+        calibration=grouped(OF_OUTDOOR["calibration"]),
+        sets=grouped(OF_OUTDOOR["sets"]),
     output:
-        ledger=f"{RESULTS}/recordings/{{outdoor}}/ledger.json",
-        panels=f"{RESULTS}/outdoor/{{outdoor}}.csv",
+        ledger=expand(
+            f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=STUDY.outdoor
+        ),
+        panels=expand(f"{RESULTS}/outdoor/{{sample}}.csv", sample=STUDY.outdoor),
     log:
-        f"{RESULTS}/logs/measure_panels/{{outdoor}}.log",
+        f"{RESULTS}/logs/measure_panels.log",
     params:
-        sample=lambda wildcards: outdoor_sample(wildcards).plain(),
-        candidates=lambda wildcards: list(
-            STUDY.candidates(outdoor_sample(wildcards).scanner)
-        ),
-        units=lambda wildcards: list(
-            STUDY.calibrations.get(outdoor_sample(wildcards).scanner, {})
-        ),
+        counts=counts(**OF_OUTDOOR),
+        sample=[each.plain() for each in STUDY.outdoor.values()],
+        candidates=[
+            list(STUDY.candidates(each.scanner)) for each in STUDY.outdoor.values()
+        ],
+        units=[
+            list(STUDY.calibrations.get(each.scanner, {}))
+            for each in STUDY.outdoor.values()
+        ],
         boxes=lambda wildcards: OUTDOOR.plain()["panels"],
         fit=lambda wildcards: OUTDOOR.fit.plain(),
         near_points=SETTINGS.joint.near_points,
@@ -91,17 +104,15 @@ rule draw_panels:
     input:
         summary=f"{RESULTS}/outdoor/summary.csv",
     output:
-        svg=f"{RESULTS}/figures/figure_{{figure}}.svg",
-        png=f"{RESULTS}/figures/figure_{{figure}}.png",
-        csv=f"{RESULTS}/figures/figure_{{figure}}.csv",
+        svg=figure_files(OUTDOOR_FIGURES, ["svg"]),
+        png=figure_files(OUTDOOR_FIGURES, ["png"]),
+        csv=figure_files(OUTDOOR_FIGURES, ["csv"]),
     log:
-        f"{RESULTS}/logs/draw_panels/{{figure}}.log",
-    wildcard_constraints:
-        figure=one_of(OUTDOOR_FIGURES),
+        f"{RESULTS}/logs/draw_panels.log",
     params:
-        kind=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][0],
-        scanner=lambda wildcards: OUTDOOR_FIGURES[wildcards.figure][1],
-        sigma_cm=lambda wildcards: STUDY.sigma_cm(OUTDOOR_FIGURES[wildcards.figure][1]),
+        kind=[kind for kind, _ in OUTDOOR_FIGURES.values()],
+        scanner=[scanner for _, scanner in OUTDOOR_FIGURES.values()],
+        sigma_cm=[STUDY.sigma_cm(scanner) for _, scanner in OUTDOOR_FIGURES.values()],
         simulated=bool(WORLD),
     script:
         "../../scripts/draw_panels.py"

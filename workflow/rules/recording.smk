@@ -7,7 +7,8 @@
 #       {results}/returns/{sample}/{window}.parquet      returns of the window's rotations
 #       {results}/medians/{sample}/{window}.parquet      median per laser and azimuth bin
 #
-# The whole recording is scanned once; only the rotations of the windows are decoded.
+# The whole recording is scanned once; only the rotations of the windows are decoded. All windows of a
+# sample are one job, one after the other, so that its memory is that of one window.
 
 # Samples whose recording holds the calibration of their scanner, as `embedded` in the sample table says.
 EMBEDDED = [
@@ -47,42 +48,37 @@ use rule index_recording as index_recording_with_calibration with:
         sample=one_of(EMBEDDED),
 
 
-rule decode_returns:
+rule reduce_recording:
     input:
         recording=lambda wildcards: sample_of(wildcards).recording,
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
     output:
-        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+        returns=of_windows(f"{RESULTS}/returns/{{sample}}/{{window}}.parquet"),
+        medians=of_windows(f"{RESULTS}/medians/{{sample}}/{{window}}.parquet"),
     log:
-        f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
+        f"{RESULTS}/logs/reduce_recording/{{sample}}.log",
+    wildcard_constraints:
+        sample=one_of(STUDY.surveyed),
     resources:
-        mem_mb=800,
+        mem_mb=1200,
     params:
+        window=windows_of,
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,
         which=SETTINGS.reduction.which,
-        length=lambda wildcards: (
-            None if wildcards.window == WHOLE else SETTINGS.windows.rotations
-        ),
-    script:
-        "../../scripts/decode_returns.py"
-
-
-rule reduce_medians:
-    input:
-        returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
-    output:
-        medians=f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
-    log:
-        f"{RESULTS}/logs/reduce_medians/{{sample}}.{{window}}.log",
-    resources:
-        mem_mb=1200,
-    params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
+        length=SETTINGS.windows.rotations if SETTINGS.windows else None,
         azimuth_bin_ticks=lambda wildcards: SETTINGS.reduction.azimuth_bin_ticks(
             SCANNERS[sample_of(wildcards).scanner]
         ),
         min_count=SETTINGS.reduction.min_count,
     script:
-        "../../scripts/reduce_medians.py"
+        "../../scripts/reduce_recording.py"
+
+
+use rule reduce_recording as reduce_whole_recording with:
+    output:
+        returns=f"{RESULTS}/returns/{{sample}}/{WHOLE}.parquet",
+        medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
+    wildcard_constraints:
+        sample=one_of(STUDY.unsurveyed),

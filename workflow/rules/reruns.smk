@@ -1,4 +1,4 @@
-# What makes a job run again, and one run at a time; no rules.
+# What makes a job run again, what begins and ends a run, and one run at a time; no rules.
 #
 # Snakemake compares the times of files, the params and the script of a job with those of its last
 # run. The functions here let it see all else: modules of the library, files of an older time, and
@@ -7,9 +7,12 @@
 import functools
 
 from snakemake.iocontainers import Wildcards
+from velocal.errors import visible
 from velocal.io.identity import WHOLE_BYTES, identify
 from velocal.io.provenance import library_digest
+from velocal.io.run_times import write_summary
 from velocal.study.files import given_files
+from velocal.survey.checks.findings import read_findings
 
 GIVEN = given_files(STUDY)
 
@@ -22,6 +25,13 @@ onstart:
         raise WorkflowError(str(error)) from None
 
 
+# The last lines of a run repeat what the top of the report says.
+onsuccess:
+    write_summary(Path(f"{RESULTS}/benchmarks"))
+    for warning in read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []:
+        print(visible(f"Warning: {warning}"))
+
+
 def complete(rules):
     """Give every rule of these files what is the same for all of them.
 
@@ -32,6 +42,9 @@ def complete(rules):
     only the times of files, so this param is what lets a job run again after `cp -p` or `rsync -t`
     has put an older file there.
 
+    `benchmark` is measured by Snakemake: where time and memory went. These numbers differ from run
+    to run, so nothing is made from them but a summary, when a run ends.
+
     The environment says which packages the script needs. velocal must be installed in it too, as
     environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
     """
@@ -39,7 +52,15 @@ def complete(rules):
         script = (Path(str(each.basedir)) / (each.script or "")).resolve()
         if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
             each.set_params(library=library_digest(script), given=given_inputs(each))
+            each.benchmark_modifier = each.log_modifier
+            each.benchmark = benchmark_of(each)
             each.conda_env = "../../environment.yml"
+
+
+def benchmark_of(rule):
+    """Path like that of the rule's log."""
+    log = str(rule.log[0]).removeprefix(f"{RESULTS}/logs/").removesuffix(".log")
+    return f"{RESULTS}/benchmarks/{log}.tsv"
 
 
 def given_inputs(rule):
@@ -80,14 +101,17 @@ def with_all_before(targets):
     While files that were once made from it are there, it would not be missed: the next run would
     say "Nothing to be done", and results of before the change would pass for new ones.
     """
-    found, open_ = {}, [*targets]
+    found, seen, open_ = {}, set(), [*targets]
     while open_:
         path = open_.pop()
         if isinstance(path, list):
             open_ += path
             continue
+        if path in seen:
+            continue
+        seen.add(path)
         maker = next((rule for rule in workflow.rules if rule.is_producer(path)), None)
-        if maker is None or path in found:
+        if maker is None:
             continue
         wildcards = Wildcards(fromdict=maker.get_wildcards(path))
         found[path] = None

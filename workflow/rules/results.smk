@@ -1,5 +1,7 @@
 # What people look at.
 #
+# All tables are one job.
+#
 # in:   {results}/statistics/*.csv, figures, ledgers
 # out:  {results}/tables/table_{2,3,4,5}.{csv,md,tex}   with the parameter set that each row shows
 #       {results}/published/agreement.csv    every printed entry beside the reproduced one
@@ -11,11 +13,7 @@
 
 from velocal.paper.printed import KNOWN_MISSES
 
-TABLE_FILES = expand(
-    f"{RESULTS}/tables/table_{{table}}.{{suffix}}",
-    table=SETTINGS.tables,
-    suffix=("csv", "md", "tex"),
-)
+TABLE_FILES = table_files("csv", "md", "tex")
 AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper else []
 CLAIMS = f"{RESULTS}/published/claims.csv" if SETTINGS.compare_with_paper else []
 ROTATIONS = SETTINGS.simulation.rotations if SETTINGS.simulation else None
@@ -26,14 +24,15 @@ rule make_table:
     input:
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
-        csv=f"{RESULTS}/tables/table_{{table}}.csv",
-        md=f"{RESULTS}/tables/table_{{table}}.md",
-        tex=f"{RESULTS}/tables/table_{{table}}.tex",
+        csv=table_files("csv"),
+        md=table_files("md"),
+        tex=table_files("tex"),
     log:
-        f"{RESULTS}/logs/make_table/{{table}}.log",
+        f"{RESULTS}/logs/make_table.log",
     localrule: True
     params:
-        selection=lambda wildcards: SETTINGS.tables[wildcards.table].plain(),
+        table=list(SETTINGS.tables),
+        selection=[each.plain() for each in SETTINGS.tables.values()],
         simulated=bool(WORLD),
     script:
         "../../scripts/make_table.py"
@@ -41,7 +40,7 @@ rule make_table:
 
 rule compare_with_paper:
     input:
-        tables=expand(f"{RESULTS}/tables/table_{{table}}.csv", table=SETTINGS.tables),
+        tables=table_files("csv"),
         summary=f"{RESULTS}/statistics/summary.csv",
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         accuracy=f"{RESULTS}/survey/network.csv",

@@ -54,5 +54,6 @@ if WORLD:
             base_readings=f"{RESULTS}/simulation/survey/base_readings.csv",
         log:
             f"{RESULTS}/logs/simulate_survey.log",
+        localrule: True
         script:
             "../../scripts/simulate_survey.py"

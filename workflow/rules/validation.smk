@@ -1,4 +1,4 @@
-# Residuals before and after.
+# Residuals before and after. All windows of a sample are one job.
 #
 # in:   assigned medians and the window's own adjustment (calibration data), or the calibration
 #       of the unit where the study has no parameter sets;
@@ -26,16 +26,19 @@ MAPPED = [
 
 rule residuals_calibration:
     input:
-        assigned=f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+        assigned=of_windows(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet"),
         adjusted=adjusted_on,
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,
     output:
-        residuals=f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet",
-        statistics=f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv",
+        residuals=of_windows(f"{RESULTS}/residuals/{{sample}}/{{window}}.parquet"),
+        statistics=of_windows(
+            f"{RESULTS}/statistics/calibration/{{sample}}/{{window}}.csv"
+        ),
     log:
-        f"{RESULTS}/logs/residuals_calibration/{{sample}}.{{window}}.log",
+        f"{RESULTS}/logs/residuals_calibration/{{sample}}.log",
     params:
+        window=windows_of,
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         unit=lambda wildcards: unit_of(wildcards),
         sigma_cm=lambda wildcards: STUDY.sigma_cm(sample_of(wildcards).scanner),
@@ -56,10 +59,13 @@ rule residuals_validation:
             parameter_set=STUDY.candidates(sample_of(wildcards).scanner),
         ),
     output:
-        statistics=f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv",
+        statistics=of_windows(
+            f"{RESULTS}/statistics/validation/{{sample}}/{{window}}.csv"
+        ),
     log:
-        f"{RESULTS}/logs/residuals_validation/{{sample}}.{{window}}.log",
+        f"{RESULTS}/logs/residuals_validation/{{sample}}.log",
     params:
+        window=windows_of,
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
         address=lambda wildcards: sample_of(wildcards).address,

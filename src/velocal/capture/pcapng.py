@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.capture import framing
 from velocal.capture.chunk import Chunk
@@ -19,10 +20,17 @@ SECTION = b"\x0a\x0d\x0d\x0a"
 _SECTION, _INTERFACE, _OBSOLETE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
 _BYTE_ORDER = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 _LEAST = 12
+#: Least size of an enhanced packet, and its bytes before the frame, in words of 32 bits: type, size
+#: of the block, interface, time (high, low), captured, original.
+_LEAST_PACKET, _HEAD_BYTES = 32, 28
+#: After this many packets whose blocks have one size, the next ones are looked at as an array.
+ALIKE = 16
 _RESOLUTION, _OFFSET = 9, 14
 
 #: Place in the block, seconds, captured, original, link type, and bytes before the frame.
 _Row = tuple[int, int, float, int, int, int, int]
+#: The same of several packets, by column.
+_Columns = tuple[NDArray[np.generic], ...]
 
 
 @dataclass
@@ -59,9 +67,17 @@ class PcapNg:
             wanted = min(framing.CHUNK_BYTES, stop - position) + framing.MAX_CAPTURED
             data = file.read(wanted)
             limit = min(framing.CHUNK_BYTES, stop - position, len(data))
+            parts: list[_Columns] = []
             rows: list[_Row] = []
             here = 0
             while here < limit:
+                places, here = _walk(data, here, limit, section.order)
+                if len(places):
+                    if rows:
+                        parts.append(_columns(rows))
+                        rows = []
+                    parts.append(_packets(data, places, section))
+                    continue
                 length = _block_length(data, here, section.order)
                 if length is None:
                     skipped, reason = _damaged(data, here, section.order, whole=len(data) < wanted)
@@ -75,12 +91,73 @@ class PcapNg:
                     rows.append(row)
                 here += length
             if rows:
-                yield datagrams.payloads(_frames(data, rows), position, position + here)
+                parts.append(_columns(rows))
+            if parts:
+                yield datagrams.payloads(_frames(data, parts), position, position + here)
             ended = here >= len(data)
             position += here
             if ended:
                 break
         datagrams.finish()
+
+
+def _walk(data: bytes, here: int, limit: int, order: str) -> tuple[NDArray[np.int64], int]:
+    """Where enhanced packets begin, as long as each follows the other; where the last ends."""
+    head, tail = struct.Struct(order + "II").unpack_from, struct.Struct(order + "I").unpack_from
+    parts: list[NDArray[np.int64]] = []
+    places: list[int] = []
+    alike, before, reach, size = 0, 0, ALIKE, len(data)
+    while here < limit and here + _LEAST_PACKET <= size:
+        kind, length = head(data, here)
+        if (
+            kind != _ENHANCED
+            or length < _LEAST_PACKET
+            or length % 4
+            or length > framing.MAX_CAPTURED
+            or here + length > size
+            or tail(data, here + length - 4)[0] != length
+        ):
+            break
+        places.append(here)
+        alike = alike + 1 if length == before else 0
+        before, here = length, here + length
+        if alike >= ALIKE and here < limit:
+            # Twice as many each time, so that short runs cost no more than their packets.
+            reach *= 2
+            run = _run(data, here, limit, reach, length, order)
+            parts += [np.array(places), run]
+            here, places = here + len(run) * length, []
+            alike = ALIKE if len(run) == reach else 0
+    parts.append(np.array(places, dtype=np.int64))
+    return np.concatenate(parts), here
+
+
+def _run(
+    data: bytes, here: int, limit: int, most: int, length: int, order: str
+) -> NDArray[np.int64]:
+    """Where the next enhanced packets begin, from `here` on, while their sizes are the same."""
+    n = min(-(-(limit - here) // length), (len(data) - here) // length, most)
+    blocks = np.frombuffer(data, np.uint8, n * length, here).reshape(n, length)
+    head, tail = (np.ascontiguousarray(each).view(order + "u4") for each in
+                  (blocks[:, :8], blocks[:, -4:]))  # fmt: skip
+    other = np.flatnonzero((head != [_ENHANCED, length]).any(axis=1) | (tail[:, 0] != length))
+    return here + length * np.arange(int(other[0]) if len(other) else n, dtype=np.int64)
+
+
+def _packets(data: bytes, places: NDArray[np.int64], section: _Section) -> _Columns:
+    """Columns of the enhanced packets that begin at `places`."""
+    bytes_ = np.frombuffer(data, np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(bytes_, _HEAD_BYTES)
+    words = windows[places].view(section.order + "u4").astype(np.int64)
+    _, length, number, high, low, captured, original = words.T
+    known = [_interface(section, each) for each in range(len(section.interfaces) + 1)]
+    link, ticks, offset, _ = (np.array(each) for each in zip(*known, strict=True))
+    number = np.minimum(number, len(section.interfaces))
+    counted = (high.astype(np.uint64) << np.uint64(32)) + low.astype(np.uint64)
+    time = offset[number] + counted.astype(np.float64) / ticks[number]
+    captured = np.minimum(captured, length - _LEAST_PACKET)
+    before = np.full(len(places), _HEAD_BYTES)
+    return places, length, time, captured, original, link[number], before
 
 
 def _damaged(data: bytes, here: int, order: str, *, whole: bool) -> tuple[int, str]:
@@ -127,7 +204,7 @@ def _next_block(data: bytes, at: int, order: str) -> int | None:
 
 
 def _read_block(data: bytes, at: int, length: int, section: _Section) -> _Row | None:
-    """Packet in a block; other blocks may change what is known of the section."""
+    """Packet in a block, but not an enhanced one; others may change what the section says."""
     order = section.order
     (kind,) = struct.unpack_from(order + "I", data, at)
     if data[at : at + 4] == SECTION:
@@ -137,13 +214,14 @@ def _read_block(data: bytes, at: int, length: int, section: _Section) -> _Row | 
         link, _, longest = struct.unpack_from(order + "HHI", data, at + 8)
         ticks, offset = _clock(data[at + 16 : at + length - 4], order)
         section.interfaces.append((link, ticks, offset, longest or framing.MAX_CAPTURED))
-    elif kind in (_ENHANCED, _OBSOLETE) and length >= 32:
-        layout = "IIIII" if kind == _ENHANCED else "HHIIII"
-        number, *_, high, low, captured, original = struct.unpack_from(order + layout, data, at + 8)
+    elif kind == _OBSOLETE and length >= _LEAST_PACKET:
+        number, _, high, low, captured, original = struct.unpack_from(
+            order + "HHIIII", data, at + 8
+        )
         link, ticks, offset, _ = _interface(section, number)
-        captured = min(captured, length - 32)
+        captured = min(captured, length - _LEAST_PACKET)
         time = offset + ((high << 32) + low) / ticks
-        return at, length, time, captured, original, link, 28
+        return at, length, time, captured, original, link, _HEAD_BYTES
     elif kind == _SIMPLE and length >= 16:
         (original,) = struct.unpack_from(order + "I", data, at + 8)
         link, _, _, longest = _interface(section, 0)
@@ -172,11 +250,14 @@ def _clock(options: bytes, order: str) -> tuple[float, int]:
     return ticks, offset
 
 
-def _frames(data: bytes, rows: list[_Row]) -> Frames:
-    """Frames of the packets of `rows`, as arrays."""
-    columns = list(zip(*rows, strict=True))
-    start, size, captured, original, link, before = (
-        np.array(columns[k], dtype=np.int64) for k in (0, 1, 3, 4, 5, 6)
+def _columns(rows: list[_Row]) -> _Columns:
+    """Columns of packets that were read one by one."""
+    return tuple(map(np.array, zip(*rows, strict=True)))
+
+
+def _frames(data: bytes, parts: list[_Columns]) -> Frames:
+    """Frames of the packets, as arrays."""
+    start, size, time, captured, original, link, before = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
     )
-    time = np.array(columns[2])
     return Frames(data, start, size, start + before, captured, original, time, link)

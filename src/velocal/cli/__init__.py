@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from velocal import __version__
 from velocal.cli import calibration, init, points, recordings, run
 from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
@@ -56,6 +55,8 @@ def main() -> None:
 def _show_version(wanted: bool) -> None:
     """Print the version and end, if that is asked for."""
     if wanted:
+        from velocal import __version__
+
         print(f"velocal {__version__}")
         raise typer.Exit
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal import __version__
 from velocal.calibration.convert import (
     RANGES_M,
     RATE_HZ,
@@ -23,16 +22,14 @@ from velocal.calibration.convert import (
     near_points_differ,
 )
 from velocal.calibration.dialects import DIALECTS, PAPER, Dialect, dialect_named
-from velocal.calibration.files import formats
-from velocal.calibration.files.document import CalibrationFile
-from velocal.calibration.fit import check_fit, fitting
-from velocal.calibration.lint import lint as find_faults
 from velocal.cli.common import Force, escape, print_json, say
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
-from velocal.io.storage import write_csv
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
+
+if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from velocal.calibration.files.document import CalibrationFile
 
 NAMES = ", ".join(DIALECTS)
 #: Headings in the terminal.
@@ -74,6 +71,8 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Print what a calibration holds, in degrees and centimetres."""
+    from velocal.calibration.files import formats
+
     found = _read(file, scanner)
     dialect = formats.dialect_of(found, file)
     columns, known = _shown(found), _scanner(found, scanner)
@@ -113,6 +112,8 @@ def lint(
 
     The exit code is 1 if there are any.
     """
+    from velocal.calibration.lint import lint as find_faults
+
     known = scanner_named(scanner, where="--scanner") if scanner else None
     faults = 0
     for file in files:
@@ -161,6 +162,9 @@ def convert_file(
     the differences are printed. Where more is impossible, nothing is written unless --inexact is
     given. A dialect of the same name on both sides keeps all numbers.
     """
+    from velocal import __version__
+    from velocal.calibration.files import formats
+
     check_outputs([target], [source], overwrite=force)
     found = _read(source, scanner)
     before = _dialect(found, source, source_dialect, "--from")
@@ -236,6 +240,8 @@ def diff(
     The same file may be given twice, with different programs: the distances are then what the
     choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
+    import numpy as np
+
     at = _ranges(ranges)
     drawn = [] if picture is None else [picture.with_suffix(".svg"), picture.with_suffix(".png")]
     check_outputs([*drawn, *([csv] if csv else [])], [first, second], overwrite=force)
@@ -267,6 +273,8 @@ def diff(
         from velocal.reporting.style import save
 
         if csv:
+            from velocal.io.storage import write_csv
+
             write_csv(csv, difference_table(at, apart), digits=4)
         if picture:
             figure = draw_differences(at, apart, *labels, note)
@@ -274,6 +282,9 @@ def diff(
 
 
 def _read(file: Path, scanner: str | None) -> CalibrationFile:
+    from velocal.calibration.files import formats
+    from velocal.calibration.fit import check_fit
+
     if scanner is None:
         return formats.read_calibration(file)
     known = scanner_named(scanner, where="--scanner")
@@ -296,10 +307,14 @@ def _listed(found: CalibrationFile) -> str:
 
 
 def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
+    from velocal.calibration.files import formats
+
     return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
 
 
 def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
+    from velocal.calibration.fit import fitting
+
     name = named or found.scanner
     return SCANNERS.get(name) if name else next(fitting(found.parameters.v), None)
 
@@ -318,7 +333,7 @@ def _ranges(text: str) -> tuple[float, ...]:
 
 def _shown(found: CalibrationFile) -> dict[str, Any]:
     """Columns in the units of users, deviations beside their parameter."""
-    units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / np.pi)}
+    units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / math.pi)}
     columns: dict[str, Any] = {}
     for name, unit in UNITS.items():
         suffix, factor = units[unit]

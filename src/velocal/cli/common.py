@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import markup
@@ -14,10 +14,11 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from velocal.errors import visible
-from velocal.io.storage import finite
-from velocal.recording.recording import Recording, open_recording
 from velocal.scanner.models import SCANNERS, scanner_named
-from velocal.study.samples import MAX_MISSING
+from velocal.study.windows import MAX_MISSING
+
+if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from velocal.recording.recording import Recording
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -63,6 +64,8 @@ Returns = Annotated[
 
 def print_json(facts: Mapping[str, Any]) -> None:
     """Print facts for programs; numbers that JSON lacks are null."""
+    from velocal.io.storage import finite
+
     print(json.dumps(finite(facts), indent=1, allow_nan=False))
 
 
@@ -119,6 +122,8 @@ def scanned(
 
     Parameters and errors are those of `open_recording` and of `Recording.scan`.
     """
+    from velocal.recording.recording import open_recording
+
     stated = None if scanner is None else scanner_named(scanner, where="--scanner")
     recording = open_recording(file, stated, port, address, max_missing)
     with progress(f"Scanning {escape(file.name)}") as (bar, task):

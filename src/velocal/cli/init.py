@@ -9,7 +9,6 @@ import typer
 
 from velocal.cli.common import say
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
-from velocal.study.template import CAPTURES, FACTORY, write_study
 
 #: Holds `workflow/` where velocal was installed from a checkout, as `make` does.
 CHECKOUT = Path(__file__).parents[3]
@@ -45,6 +44,8 @@ def init(
 
     With --recording or --no-survey the study has no survey: planes are found in the recordings.
     """
+    from velocal.study.template import CAPTURES, FACTORY, write_study
+
     known = scanner_named(scanner, where="--scanner")
     captures = recording or ([] if not survey else None)
     for path in write_study(folder, known, positions, checkout / "workflow/Snakefile", captures):
@@ -66,6 +67,8 @@ The report will be {folder / "results/report.html"}; docs/how-to.md explains eve
 
 def _unsurveyed(folder: Path, scanner: Scanner, captures: bool) -> str:
     """Next steps of a study without a survey."""
+    from velocal.study.template import CAPTURES, FACTORY
+
     steps = []
     if not captures:
         steps.append(f"Put the captures into {folder / CAPTURES}; see {folder / 'samples.tsv'}.")

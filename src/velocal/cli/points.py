@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
-from velocal.calibration.applied import applied
-from velocal.calibration.files import formats
-from velocal.calibration.files.document import CalibrationFile
 from velocal.cli.common import (
     Address,
     File,
@@ -27,12 +23,17 @@ from velocal.cli.common import (
 )
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
-from velocal.packets.dual import check_choice
-from velocal.points.files import FORMATS, cloud_writer
-from velocal.points.stream import FRAMES, Settings, raw_returns, stream
-from velocal.scanner.models import Scanner
-from velocal.scanner.parameters import LaserParameters, nominal
 
+if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from velocal.calibration.files.document import CalibrationFile
+    from velocal.scanner.models import Scanner
+    from velocal.scanner.parameters import LaserParameters
+
+#: Files of points that can be written, `velocal.points.files.FORMATS`.
+SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".parquet")
 #: Rotations that the picture is made of: enough to show noise, few enough to draw.
 PICTURE_ROTATIONS = 3
 
@@ -40,7 +41,7 @@ PICTURE_ROTATIONS = 3
 def points(
     file: File,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help=f"File to write: {', '.join(FORMATS)}.")
+        Path, typer.Option("--output", "-o", help=f"File to write: {', '.join(SUFFIXES)}.")
     ],
     calibration: Annotated[
         str,
@@ -67,7 +68,7 @@ def points(
     ] = 0.0,
     max_range: Annotated[
         float, typer.Option(min=0.0, help="Leave out farther points, metres.")
-    ] = np.inf,
+    ] = math.inf,
     frame: Annotated[
         str, typer.Option(help="Axes. velocal: Y forward, X right; ros: X forward, Y left.")
     ] = "velocal",
@@ -79,6 +80,11 @@ def points(
     Every point has its laser, rotation, time and intensity. Rotations are numbered from 0. The
     recording usually cuts the first and the last one.
     """
+    from velocal.calibration.applied import applied
+    from velocal.packets.dual import check_choice
+    from velocal.points.files import cloud_writer
+    from velocal.points.stream import FRAMES, Settings, raw_returns, stream
+
     if frame not in FRAMES:
         raise ConfigError(f"unknown frame {frame!r}", where="--frame", allowed=", ".join(FRAMES))
     if picture is not None and (before is None or picture.suffix.lower() != ".png"):
@@ -100,7 +106,7 @@ def points(
         known,
         _calibration(calibration, known),
         None if before is None else _calibration(before, known),
-        min_range or -np.inf,  # negative distances are corrected short ones: keep all
+        min_range or -math.inf,  # negative distances are corrected short ones: keep all
         max_range,
         frame,
         returns,
@@ -145,6 +151,9 @@ def points(
 
 def _calibration(name: str, scanner: Scanner) -> CalibrationFile | LaserParameters:
     """What a calibration file holds, or the nominal parameters."""
+    from velocal.calibration.files import formats
+    from velocal.scanner.parameters import nominal
+
     return nominal(scanner) if name == "nominal" else formats.read_for(Path(name), scanner)
 
 
@@ -156,6 +165,8 @@ def _chosen(rotations: str, every: int, n: int) -> NDArray[np.int64]:
     ConfigError
         If that is not a range, or no rotation lies in it.
     """
+    import numpy as np
+
     first, colon, last = rotations.partition(":")
     try:
         if not colon:

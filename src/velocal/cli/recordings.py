@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal.calibration.files import formats
-from velocal.capture.ledger import Ledger, NothingUsableError
 from velocal.cli.common import (
     Address,
     File,
@@ -28,12 +26,12 @@ from velocal.cli.common import (
 )
 from velocal.errors import ConfigError, RecordingError
 from velocal.io.output import check_outputs
-from velocal.packets.dual import check_choice
-from velocal.recording.inspection import Inspection
-from velocal.recording.recording import WINDOWS
-from velocal.recording.returns import write_returns
-from velocal.scanner.models import Scanner
-from velocal.study.samples import MAX_MISSING
+from velocal.study.windows import MAX_MISSING
+
+if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from velocal.capture.ledger import Ledger
+    from velocal.recording.inspection import Inspection
+    from velocal.scanner.models import Scanner
 
 
 def inspect(
@@ -45,6 +43,8 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
+    from velocal.capture.ledger import NothingUsableError
+
     try:
         recording = scanned(file, scanner, port, address, max_missing)
     except NothingUsableError as error:
@@ -124,6 +124,10 @@ def decode(
     force: Force = False,
 ) -> None:
     """Decode rotations to a table of returns in raw ticks (Parquet)."""
+    from velocal.packets.dual import check_choice
+    from velocal.recording.recording import WINDOWS
+    from velocal.recording.returns import write_returns
+
     if window not in WINDOWS:
         raise ConfigError(
             f"unknown window {window!r}", where="--window", allowed=", ".join(WINDOWS)
@@ -159,6 +163,8 @@ def from_recording(
     force: Force = False,
 ) -> None:
     """Write the factory's calibration that an HDL-64E S2 or S3 sends in its status bytes."""
+    from velocal.calibration.files import formats
+
     check_outputs([output], [file], overwrite=force)
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))

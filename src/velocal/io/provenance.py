@@ -45,12 +45,27 @@ class Source:
     distributions: frozenset[str] = frozenset()
 
 
-class _WithoutDocstrings(ast.NodeTransformer):
-    """Removes texts that stand alone: docstrings, which change no result."""
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    """Remove texts that stand alone: docstrings, which change no result."""
+    open_: list[ast.AST] = [tree]
+    while open_:
+        node = open_.pop()
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            # Statements only: a lambda and a conditional expression have such fields too.
+            inner = getattr(node, name, None)
+            if isinstance(inner, list):
+                inner[:] = [each for each in inner if not _is_text(each)]
+                open_ += inner
+    return tree
 
-    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
-        lonely = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-        return None if lonely else node
+
+def _is_text(node: ast.AST) -> bool:
+    """Whether a statement is a text and nothing else."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
 
 
 @cache
@@ -77,7 +92,7 @@ def _source(path: Path) -> Source:
             place = PACKAGE.joinpath(*rest[:depth])
             module = place.with_suffix(".py") if depth else place / "__init__.py"
             files.update(file for file in (module, place / "__init__.py") if file.is_file())
-    content = ast.dump(_WithoutDocstrings().visit(tree)).encode()
+    content = ast.dump(_without_docstrings(tree)).encode()
     return Source(content, frozenset(files), frozenset(distributions))
 
 
@@ -86,7 +101,9 @@ def _imports(tree: ast.AST) -> Iterator[str]:
 
     Imports for type checkers alone are left out: nothing of them is there when a script runs.
     """
-    for node in ast.iter_child_nodes(tree):
+    open_ = [tree]
+    while open_:
+        node = open_.pop()
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
@@ -94,7 +111,8 @@ def _imports(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        yield from _imports(node)
+        elif not isinstance(node, ast.expr):  # an import is a statement
+            open_ += ast.iter_child_nodes(node)
 
 
 def library_files(script: Path) -> list[Path]:

@@ -3,6 +3,11 @@
 The function `main` of a script takes the rule's inputs, outputs and params by name, and those of
 the job's wildcards that it needs. Its annotations say what each becomes. A name that only one of
 the two sides knows, and a value of another type, is one `ScriptError` before anything is computed.
+
+A job that makes the same files for several windows or figures calls `main` once for each of them:
+`for_each` names the arguments of which the rule gives a list, with one value a call. So the start
+of Python and its imports are paid once a job, and `main` still does one thing. Where a call takes
+several files of an input, or perhaps none, the param `counts` of the rule says how many each takes.
 """
 
 from __future__ import annotations
@@ -10,9 +15,10 @@ from __future__ import annotations
 import inspect
 import signal
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from velocal.errors import ScriptError, reported
 from velocal.io import run_lock
@@ -20,6 +26,12 @@ from velocal.io.output import check_outputs, stopped_cleanly
 
 #: Params that tell Snakemake when to run a job again; no script takes them.
 TRIGGERS = frozenset({"library", "given"})
+#: Param that says how many files of an input each call of `main` takes, by name of the input.
+COUNTS = "counts"
+#: Params that no `main` takes.
+NOT_TAKEN = TRIGGERS | {COUNTS}
+
+_Main = TypeVar("_Main", bound=Callable[..., None])
 
 
 class Named(Protocol):
@@ -41,6 +53,27 @@ class Job(Protocol):
     log: Sequence[str]
 
 
+def for_each(*names: str) -> Callable[[_Main], _Main]:
+    """Say which arguments of `main` the rule gives as lists, with one value for each call.
+
+    Parameters
+    ----------
+    *names : str
+        Arguments of `main`; all others are the same in all calls.
+
+    Returns
+    -------
+    callable
+        Decorator of a `main`, which stays as it is otherwise.
+    """
+
+    def mark(main: _Main) -> _Main:
+        main.__dict__["for_each"] = names
+        return main
+
+    return mark
+
+
 def run(main: Callable[..., None], job: Job) -> None:
     """Call the `main` of a script with what its rule gives.
 
@@ -60,7 +93,8 @@ def run(main: Callable[..., None], job: Job) -> None:
         run_lock.join()
         check_outputs(_paths(job.output), _paths(job.input))
         try:
-            main(**arguments(main, job))
+            for given in calls(main, job):
+                main(**given)
         except KeyboardInterrupt:
             raise SystemExit(128 + signal.SIGINT) from None
 
@@ -72,8 +106,8 @@ def _paths(named: Named) -> list[Path]:
     return [Path(path) for paths in lists for path in paths]
 
 
-def arguments(main: Callable[..., None], job: Job) -> dict[str, Any]:
-    """Take the arguments of `main` from a job, converted by its annotations.
+def calls(main: Callable[..., None], job: Job) -> list[dict[str, Any]]:
+    """Take the arguments of every call of `main` from a job, converted by its annotations.
 
     Parameters
     ----------
@@ -82,17 +116,19 @@ def arguments(main: Callable[..., None], job: Job) -> dict[str, Any]:
 
     Returns
     -------
-    dict of str to object
+    list of dict of str to object
+        One for each value of the arguments that `for_each` names; one alone without it.
 
     Raises
     ------
     ScriptError
-        If the names of the rule and of `main` differ, or a value does not fit its annotation.
+        If the names of the rule and of `main` differ, a value does not fit its annotation, or the
+        lists of `for_each` have different lengths.
     """
     parts = {
         "input": dict(job.input.items()),
         "output": dict(job.output.items()),
-        "param": {k: v for k, v in job.params.items() if k not in TRIGGERS},
+        "param": {k: v for k, v in job.params.items() if k not in NOT_TAKEN},
     }
     wildcards = dict(job.wildcards.items())
     faults = disagreements(main, parts, wildcards)
@@ -100,10 +136,42 @@ def arguments(main: Callable[..., None], job: Job) -> dict[str, Any]:
         raise ScriptError("; ".join(faults), where=f"rule {job.rule}")
     given = {**wildcards, **parts["input"], **parts["output"], **parts["param"]}
     types = get_type_hints(main)
-    return {
-        name: convert(given[name], types[name], f"rule {job.rule}, {name!r}")
-        for name in inspect.signature(main).parameters
-    }
+    separate = main.__dict__.get("for_each", ())
+    lists = {name: _listed(given[name], f"rule {job.rule}, {name!r}") for name in separate}
+    for name, counts in dict(job.params.items()).get(COUNTS, {}).items():
+        if sum(counts) != len(lists[name]):
+            raise ScriptError(
+                f"{len(lists[name])} files of {name!r}, but {sum(counts)} counted",
+                where=f"rule {job.rule}",
+            )
+        files = iter(lists[name])
+        lists[name] = [_alone(list(islice(files, count))) for count in counts]
+    lengths = {name: len(values) for name, values in lists.items()}
+    if len(set(lengths.values())) > 1:
+        raise ScriptError(f"lists of different lengths: {lengths}", where=f"rule {job.rule}")
+    found = []
+    for number in range(next(iter(lengths.values()), 1)):
+        own = given | {name: values[number] for name, values in lists.items()}
+        found.append(
+            {
+                name: convert(own[name], types[name], f"rule {job.rule}, {name!r}")
+                for name in inspect.signature(main).parameters
+            }
+        )
+    return found
+
+
+def _alone(files: list[Any]) -> Any:
+    """Take one file alone as itself, as Snakemake does."""
+    return files[0] if len(files) == 1 else files
+
+
+def _listed(value: Any, where: str) -> Sequence[Any]:
+    """Take a value as a list; Snakemake gives one file alone as itself."""
+    items = [value] if isinstance(value, str) else value
+    if not isinstance(items, Sequence):
+        raise _misfit(value, "a list", where)
+    return items
 
 
 def disagreements(
@@ -133,6 +201,8 @@ def disagreements(
             faults.append(f"main takes {name!r} by position, not by name only")
         if parameter.annotation is parameter.empty:
             faults.append(f"main states no type of {name!r}")
+    unknown = [name for name in main.__dict__.get("for_each", ()) if name not in takes]
+    faults += [f"for_each names {name!r}, which main does not take" for name in unknown]
     kinds = [(name, kind) for kind, names in parts.items() for name in names]
     kinds += [(name, "wildcard") for name in wildcards]
     given: dict[str, str] = {}
@@ -184,12 +254,8 @@ def convert(value: Any, type_: Any, where: str) -> Any:
         no_file = isinstance(value, Sequence) and not isinstance(value, str) and not value
         return None if value is None or no_file else convert(value, known[0], where)
     if (origin or type_) in (list, tuple, Sequence):
-        # Snakemake gives one file alone as itself.
-        items = [value] if isinstance(value, str) else value
-        if not isinstance(items, Sequence):
-            raise _misfit(value, "a list", where)
         of = inner[0] if inner else Any
-        converted = [convert(item, of, where) for item in items]
+        converted = [convert(item, of, where) for item in _listed(value, where)]
         return tuple(converted) if origin is tuple else converted
     if (origin or type_) in (dict, Mapping):
         if not isinstance(value, Mapping):

@@ -7,15 +7,17 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from velocal.errors import StorageError
 from velocal.io.output import new_file
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Metadata key under which facts about a table are kept, as JSON.
 FACTS = b"velocal.facts"
@@ -97,6 +99,8 @@ def write_csv(
     path: Path, table: pd.DataFrame | Mapping[str, Any], digits: int | None = None
 ) -> None:
     """Write a CSV; floats with `digits` decimals, or shortest exact form if None."""
+    import pandas as pd  # only for CSV: its import takes longer than many jobs
+
     text = pd.DataFrame(table).to_csv(
         index=False,
         lineterminator="\n",
@@ -225,6 +229,8 @@ def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, 
     StorageError
         If the file is missing or damaged.
     """
+    import pandas as pd
+
     try:
         table = pd.read_csv(path)
         names = [name for name in table.columns if name in text]

@@ -11,7 +11,7 @@ from velocal.evaluation.statistics import KEYS, ROTATIONS_FROM, summary_row
 from velocal.io.markup import latex_tabular, latex_text, markdown_table
 from velocal.paper.best_set import BEFORE, Shown, shown_after
 from velocal.study import figures
-from velocal.study.samples import WINDOWS
+from velocal.study.windows import WINDOWS
 
 #: Number of a table as the paper writes it.
 ROMAN = {"2": "II", "3": "III", "4": "IV", "5": "V"}

@@ -25,7 +25,7 @@ from velocal.recording.scan import inspect
 from velocal.recording.windows import window_rotations
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
-from velocal.study.samples import MAX_MISSING
+from velocal.study.windows import MAX_MISSING
 
 #: Complete rotations of a window, unless a caller says otherwise.
 WINDOW_ROTATIONS = 100

@@ -26,7 +26,7 @@ from velocal.recording.inspection import Inspection
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.timing import Clock
 from velocal.scanner.models import AZIMUTH_TICKS, BANK_FLAGS, SCANNERS
-from velocal.study.samples import MAX_MISSING
+from velocal.study.windows import MAX_MISSING
 
 #: Smallest number of packets that are examined together, where the recording has as many.
 CLOCK_PACKETS = 256

@@ -19,7 +19,7 @@ from velocal.io.plain import from_plain, to_plain
 from velocal.packets.data import BLOCKS
 from velocal.packets.status import TRAILING, StatusReader
 from velocal.recording.rotation_index import Loss, RotationIndex
-from velocal.study.samples import WINDOWS
+from velocal.study.windows import WINDOWS
 
 #: Number of rotations, evenly spaced, from which the temperature of a window is read.
 TEMPERATURE_ROTATIONS = 10

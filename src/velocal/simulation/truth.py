@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from velocal.arrays import Array
 from velocal.scanner.models import AZIMUTH_TICKS, SCANNERS
@@ -129,6 +128,8 @@ def even_normal(rng: np.random.Generator, n: int, limit: float = np.inf) -> Arra
         deviation 1 again.
     """
     share = (rng.permutation(n) + rng.uniform(0.0, 1.0, n)) / n
+    from scipy.special import ndtr, ndtri
+
     inside = 1.0 - 2.0 * ndtr(-limit)
     variance = 1.0
     if np.isfinite(limit):

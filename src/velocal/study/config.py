@@ -29,7 +29,7 @@ from velocal.study.model import (
 from velocal.study.outputs import Export, Validation
 from velocal.study.planes import Box, Judged, Panel, PanelFit, PlaneSearch
 from velocal.study.reduction import Assignment, Reduction
-from velocal.study.samples import MAX_MISSING
+from velocal.study.windows import MAX_MISSING
 
 SampleName = Annotated[Name, Placeholder("{sample}")]
 PlaneName = Annotated[Text, Placeholder("{plane}")]

@@ -20,12 +20,8 @@ from velocal.study.model import (
     Text,
     validated,
 )
+from velocal.study.windows import WHOLE, WINDOWS
 
-#: Windows of a surveyed sample, and the only one of a sample without a survey.
-WINDOWS = ("beginning", "middle", "end")
-WHOLE = "all"
-#: Largest share of its azimuth that a complete rotation may miss.
-MAX_MISSING = 0.05
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
 

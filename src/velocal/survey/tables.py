@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from velocal.errors import SurveyError
 from velocal.io.written_tables import number, read_written_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Coordinates, angles and lengths of a survey are not larger, in the unit of their column: the
 #: northings of a UTM grid have 1e7 m.
@@ -58,6 +61,8 @@ def read_table(
         beyond `SMALLEST_STD` and `LARGEST_STD`.
     """
     written = read_written_table(path, [*names, *numbers], SurveyError)
+    import pandas as pd
+
     table = pd.DataFrame(written.columns, columns=[*names, *numbers], dtype=object)
     table.index = pd.Index(written.lines)
 

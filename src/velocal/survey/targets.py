@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from velocal.arrays import Array
 from velocal.errors import StorageError, SurveyError
@@ -17,6 +16,9 @@ from velocal.geometry.covariance import covariance_fault
 from velocal.geometry.planes import fit_plane
 from velocal.io import storage
 from velocal.survey.tables import check_unique, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COORDINATES = ("x_m", "y_m", "z_m")
 DEVIATIONS = ("std_x_mm", "std_y_mm", "std_z_mm")
@@ -314,6 +316,8 @@ def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
     parts : sequence of Targets
         They follow one another in the table.
     """
+    import pandas as pd
+
     frames = [
         pd.DataFrame(
             {

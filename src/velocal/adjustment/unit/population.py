@@ -8,9 +8,6 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.special import ndtri
-from scipy.stats import qmc
 
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN
@@ -180,6 +177,8 @@ def find_mode(population: Population, sums: Sums, start: Array | None = None) ->
     members = [size.own for size in learnt]
     common_members = [size.common for size in learnt]
 
+    from scipy.optimize import minimize  # here: most scripts that import this module adjust no unit
+
     def value(log: Array) -> tuple[float, Array]:
         posterior = population.posterior(sums, log)
         prior, slope = population.minus_2_log_prior(log)
@@ -222,6 +221,9 @@ def integrate(
         return Integrated(mode[None], np.ones(1), np.zeros((len(learnt),) * 2), (at_mode,))
     members = [size.own for size in learnt]
     common_members = [size.common for size in learnt]
+
+    from scipy.special import ndtri
+    from scipy.stats import qmc
 
     def gradient(log: Array) -> Array:
         posterior = population.posterior(sums, log)

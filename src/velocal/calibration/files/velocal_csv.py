@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import pandas as pd
-
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
 from velocal.errors import CalibrationFileError
@@ -96,6 +94,8 @@ def write(path: Path, found: CalibrationFile) -> None:
             where=str(path),
             allowed=", ".join(STD_COLUMNS),
         )
+    import pandas as pd
+
     values = pd.DataFrame(lasers.rows(path, parameters))
     table = values[list(UNITS)].rename(columns=lambda name: OWN_KEYS[name][0])
     table.insert(0, LASER_ID, range(len(parameters)))

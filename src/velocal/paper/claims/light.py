@@ -12,13 +12,12 @@ from velocal.adjustment.average import average
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
 from velocal.adjustment.result import CalibrationSet
 from velocal.evaluation.variance_test import holm_p
+from velocal.paper.claims import LIGHT
 from velocal.paper.claims.verdict import ALPHA, QUANTILE, SHOWN, Judgement, Verdict, rms
-from velocal.study.samples import WINDOWS
+from velocal.study.windows import WINDOWS
 
 #: Power at which the smallest effect is stated that a test finds.
 POWER = 0.8
-#: Samples at one position, without and with the halogen light, as the paper says.
-LIGHT = (("sa1", "sa2"), ("sa4", "sa3"))
 
 
 def differences(sets: Mapping[str, Sequence[CalibrationSet]]) -> pd.DataFrame:

@@ -64,29 +64,28 @@ HANDED_OVER = ("simulate_recording", "simulate_survey", "simulate_factory")
 STEPS = (
     Step("simulate_recording", 0, 0, "recording", "sample"),
     Step("index_recording", 0, 1, "ledger, rotations", "sample", ("simulate_recording",)),
-    Step("decode_returns", 0, 2, "returns", "window", ("index_recording",),
+    Step("reduce_recording", 0, 2, "medians per azimuth bin", "sample", ("index_recording",),
          ("simulate_recording",)),
-    Step("reduce_medians", 0, 3, "medians per azimuth bin", "window", ("decode_returns",)),
     Step("simulate_survey", 1, 0, "observations of the survey", "study"),
     Step("adjust_network", 1, 1, "coordinates of the targets", "study", ("simulate_survey",)),
     Step("adjust_survey", 1, 2, "pose and planes", "position", ("adjust_network",)),
     Step("simulate_factory", 2, 0, "factory's calibration", "scanner"),
-    Step("assign_medians", 1, 4, "medians on planes", "window",
-         ("reduce_medians", "adjust_survey"), ("simulate_factory",)),
-    Step("adjust_lasers", 1, 5, "corrections of each laser", "window", ("assign_medians",),
+    Step("assign_medians", 1, 3, "medians on planes", "sample",
+         ("reduce_recording", "adjust_survey"), ("simulate_factory",)),
+    Step("adjust_lasers", 1, 4, "corrections of each laser", "sample", ("assign_medians",),
          ("adjust_survey", "simulate_factory")),
-    Step("average_set", 1, 6, "parameter sets", "set", ("adjust_lasers",),
+    Step("average_set", 1, 5, "parameter sets", "set", ("adjust_lasers",),
          ("simulate_factory", "assign_medians")),
-    Step("residuals_calibration", 2, 7, "s of the medians", "window",
+    Step("residuals_calibration", 2, 6, "s of the medians", "sample",
          ("assign_medians", "adjust_lasers"), ("adjust_survey", "simulate_factory")),
-    Step("residuals_validation", 0, 7, "s of single scans", "window",
+    Step("residuals_validation", 0, 6, "s of single scans", "sample",
          ("average_set", "index_recording"),
          ("adjust_survey", "simulate_factory", "simulate_recording")),
-    Step("summarise_statistics", 1, 8, "statistics per laser", "study",
+    Step("summarise_statistics", 1, 7, "statistics per laser", "study",
          ("residuals_calibration", "residuals_validation")),
-    Step("make_table", 0, 9, "tables", "table", ("summarise_statistics",)),
-    Step("draw_lasers", 2, 9, "figures", "figure", ("summarise_statistics",)),
-    Step("write_report", 1, 10, "report", "study", ("summarise_statistics", "draw_lasers"),
+    Step("make_table", 0, 8, "tables", "study", ("summarise_statistics",)),
+    Step("draw_lasers", 2, 8, "figures", "study", ("summarise_statistics",)),
+    Step("write_report", 1, 9, "report", "study", ("summarise_statistics", "draw_lasers"),
          ("index_recording", "adjust_survey", "average_set", "simulate_factory")),
 )  # fmt: skip
 
@@ -124,7 +123,7 @@ def draw_flow() -> Figure:
     by_rule = {each.rule: each for each in STEPS}
     taken = {(each.column, each.row) for each in STEPS}
     with style():
-        figure = Figure(figsize=(7.0, 8.0))
+        figure = Figure(figsize=(7.0, 7.4))
         ax = figure.subplots()
         ax.set_axis_off()
         half = 0.5 * _WIDE

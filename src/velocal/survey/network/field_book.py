@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from velocal.errors import SurveyError
 from velocal.io import storage
 from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
 from velocal.survey.tables import check_unique, read_table
 from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets, read_targets, target_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 POLAR = ("direction_deg", "zenith_deg", "distance_m")
 POLAR_DEVIATIONS = ("std_direction_arcsec", "std_zenith_arcsec", "std_distance_mm")
@@ -114,6 +117,8 @@ def write_field_book(
     principal_distance_mm : float
         Of the camera that took all images.
     """
+    import pandas as pd
+
     names = list(dict.fromkeys((*book.control.name, *book.planes)))
     xyz = dict(zip(book.control.name, (np.round(book.control.xyz, 5) + 0.0).tolist(), strict=True))
     table: dict[str, Sequence[object]] = {
@@ -147,6 +152,8 @@ def write_field_book(
 
 
 def _polar_table(polar: PolarObservations) -> pd.DataFrame:
+    import pandas as pd
+
     value, std = polar.value / POLAR_UNITS, polar.std / DEVIATION_UNITS
     value[:, 0] = np.mod(value[:, 0], 360.0)
     return pd.DataFrame(

@@ -1,0 +1,47 @@
+"""What is imported at the start: a job of the workflow often takes less time than pandas."""
+
+import subprocess
+import sys
+
+import pytest
+from support.running import ROOT
+
+from velocal.cli.points import SUFFIXES
+from velocal.points.files import FORMATS
+
+HEAVY = ("jinja2", "matplotlib", "pandas", "pyarrow", "pydantic", "scipy", "yaml")
+STATISTICS = ("matplotlib", "pandas", "scipy.optimize", "scipy.stats")
+
+
+def imported(module: str) -> set[str]:
+    code = f"import sys, {module}; print(*sys.modules)"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(
+        command, cwd=ROOT / "scripts", capture_output=True, text=True, check=True, timeout=60
+    )
+    return set(done.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("module", "without"),
+    [
+        ("velocal", (*HEAVY, "numpy")),
+        ("velocal.cli", HEAVY),
+        ("index_recording", ("matplotlib", "pandas", "pydantic", "scipy")),
+        ("reduce_recording", ("matplotlib", "pandas", "pydantic", "scipy")),
+        ("simulate_recording", ("matplotlib", "pandas", "scipy")),
+        ("assign_medians", ("matplotlib", "pandas", "scipy")),
+        ("adjust_survey", ("matplotlib", "pandas", "scipy")),
+        ("adjust_lasers", STATISTICS),
+        ("residuals_validation", STATISTICS),
+        ("average_set", STATISTICS),
+        ("make_table", ("matplotlib", "scipy.optimize")),
+    ],
+)
+def test_only_what_is_needed_is_imported(module, without):
+    assert not imported(module) & set(without)
+
+
+def test_the_help_names_all_formats_of_points():
+    """The command does not import the module of the formats for its help."""
+    assert tuple(FORMATS) == SUFFIXES

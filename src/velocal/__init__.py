@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.exports import read_parameters as read_parameters
     from velocal.exports import write_calibration as write_calibration
     from velocal.points.stream import stream_points as stream_points
+    from velocal.recording.cloud import read_cloud as read_cloud
     from velocal.recording.recording import Recording as Recording
     from velocal.recording.recording import open_recording as open_recording
     from velocal.recording.returns import Returns as Returns
@@ -85,6 +86,7 @@ _PLACES = {
     "max_point_distance": "calibration.convert",
     "open_recording": "recording.recording",
     "read_calibration": "calibration.files.formats",
+    "read_cloud": "recording.cloud",
     "read_parameters": "exports",
     "read_station": "survey.station",
     "read_targets": "survey.targets",

@@ -96,7 +96,8 @@ def text_columns(
     try:
         table = np.loadtxt(file, dtype=np.float64, comments=None, ndmin=2, max_rows=points)
     except ValueError as error:
-        raise RecordingError(f"points cannot be read: {error}", where=where) from None
+        reason = str(error).partition(";")[0]
+        raise RecordingError(f"points cannot be read: {reason}", where=where) from None
     if table.shape != (points, sum(width)):
         raise RecordingError(
             f"holds {len(table)} points of {table.shape[1]} numbers",

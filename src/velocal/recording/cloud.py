@@ -204,10 +204,9 @@ def read_cloud(
     points = 0
     for block in file.blocks():
         points += len(block)
-        block = _kept(
-            block, np.isfinite(block.xyz).all(axis=1), "have no finite coordinates", left_out
-        )
-        far = np.asarray(np.linalg.norm(block.xyz, axis=1)) > max(known.min_range_m, 1e-6)
+        finite = np.asarray(np.isfinite(block.xyz).all(axis=1), dtype=np.bool_)
+        block = _kept(block, finite, "have no finite coordinates", left_out)
+        far: NDArray[Any] = np.linalg.norm(block.xyz, axis=1) > max(known.min_range_m, 1e-6)
         block = _kept(block, far, "are nearer than the scanner measures", left_out)
         if not len(block):
             continue
@@ -238,7 +237,9 @@ _OFF_CONE = "lie on the cone of no laser"
 _NO_TICK = "have a distance that the scanner cannot measure"
 
 
-def _kept(block: PointBlock, kept: NDArray[Any], reason: str, left_out: Counter[str]) -> PointBlock:
+def _kept(
+    block: PointBlock, kept: NDArray[np.bool_], reason: str, left_out: Counter[str]
+) -> PointBlock:
     """Rows of a block; the others are counted."""
     left_out[reason] += int(np.count_nonzero(~kept))
     return block if kept.all() else block[kept]

@@ -28,7 +28,9 @@ rule index_recording:
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
     wildcard_constraints:
-        sample=one_of([name for name in STUDY.samples if name not in EMBEDDED]),
+        sample=one_of(
+            [name for name in STUDY.samples if name not in [*EMBEDDED, *CLOUDS]]
+        ),
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
@@ -55,6 +57,8 @@ rule decode_returns:
         returns=f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
     log:
         f"{RESULTS}/logs/decode_returns/{{sample}}.{{window}}.log",
+    wildcard_constraints:
+        sample=one_of([name for name in STUDY.samples if name not in CLOUDS]),
     resources:
         mem_mb=800,
     params:

@@ -55,6 +55,14 @@ class CloudFile:
     stamps_s: list[float] = field(default_factory=list)
     lost: Counter[str] = field(default_factory=Counter)
 
+    @property
+    def bytes(self) -> int:
+        """Bytes of the file, or of all files of the folder."""
+        files = [self.path]
+        if self.path.is_dir():
+            files = [each for each in self.path.iterdir() if each.is_file()]
+        return sum(each.stat().st_size for each in files)
+
     def blocks(self) -> Iterator[PointBlock]:
         """Points in the order of the file.
 

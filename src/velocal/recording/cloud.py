@@ -21,6 +21,7 @@ from velocal.calibration import rings
 from velocal.calibration.applied import AppliedCalibration
 from velocal.calibration.dialects import DIALECTS, dialect_named
 from velocal.calibration.files.document import CalibrationFile
+from velocal.capture.ledger import Ledger
 from velocal.clouds.block import PointBlock
 from velocal.clouds.origin import digest
 from velocal.clouds.reading import CloudFile, open_cloud
@@ -53,6 +54,8 @@ class CloudReturns:
         Raw ticks; a scan of a bag or of a folder counts as one rotation.
     kind : str
         Format of the file.
+    bytes : int
+        Of the file, or of all files of a folder.
     dialect, frame : str
         Program that made the points, and axes of the file.
     points : int
@@ -71,6 +74,7 @@ class CloudReturns:
 
     returns: Returns
     kind: str
+    bytes: int
     dialect: str
     frame: str
     points: int
@@ -98,8 +102,13 @@ class CloudReturns:
         return told
 
     def as_dict(self) -> dict[str, Any]:
-        """Facts for JSON, in the words of `Inspection.as_dict`."""
+        """Facts for JSON, in the words of `Inspection.as_dict`; every byte is one of the points."""
+        ledger = Ledger(self.bytes, self.kind, framing_bytes=self.bytes)
         return {
+            "ledger": ledger.as_dict(),
+            "gaps": 0,
+            "packets_missing": 0,
+            "duration_s": float("nan"),
             "rotations_complete": len(np.unique(self.returns.rotation)),
             "rotation_rate_hz": self.returns.rotation_rate_hz,
             "dialect": self.dialect,
@@ -222,6 +231,7 @@ def read_cloud(
     return CloudReturns(
         joined_rows(parts),
         file.kind,
+        file.bytes,
         made.applied.dialect.name,
         made.frame,
         points,

@@ -1,0 +1,35 @@
+"""Read a cloud of points as a table of returns, as packets are decoded."""
+
+from pathlib import Path
+
+from velocal.calibration.files import formats
+from velocal.io import storage
+from velocal.io.scripts import run
+from velocal.recording import cloud
+from velocal.recording.motion import check_cloud_standing
+from velocal.recording.returns import write_table_of
+from velocal.scanner.models import scanner_named
+
+
+def main(
+    *,
+    recording: Path,
+    calibration: Path | None,
+    ledger: Path,
+    returns: Path,
+    scanner: str,
+    dialect: str,
+    frame: str | None,
+    address: str | None,
+) -> None:
+    """Write the returns as Parquet, and what was used of the cloud as JSON."""
+    known = scanner_named(scanner)
+    numbers = None if calibration is None else formats.read_for(calibration, known)
+    found = cloud.read_cloud(recording, known, numbers, dialect=dialect, frame=frame, topic=address)
+    check_cloud_standing(found.returns, str(recording))
+    write_table_of(found.returns, returns)
+    storage.write_json(ledger, {"file": recording.name, "scanner": scanner, **found.as_dict()})
+
+
+if "snakemake" in globals():
+    run(main, snakemake)

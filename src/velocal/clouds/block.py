@@ -19,6 +19,8 @@ _INTENSITY_FIELDS = ("intensity", "reflectivity")
 _TIME_FIELDS = ("time", "timestamp", "t", "time_stamp", "offset_time")
 #: Largest number of a laser that a table of returns can hold.
 LARGEST_LASER = 255
+#: Seconds since 1970 have ten digits.
+_LATEST_S = 1e11
 _COORDINATE_HINT = "A cloud needs the fields x, y and z."
 
 
@@ -128,5 +130,8 @@ def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _seconds(values: NDArray[Any]) -> Array:
+    """Seconds; NaN for what is no time."""
     scale = 1.0 if values.dtype.kind == "f" else 1e-9
-    return np.asarray(values.astype(np.float64) * scale)
+    with np.errstate(invalid="ignore"):
+        seconds = np.asarray(values.astype(np.float64) * scale)
+    return np.where(np.abs(seconds) < _LATEST_S, seconds, np.nan)

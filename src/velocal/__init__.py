@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.capture.ledger import Ledger as Ledger
     from velocal.chain import calibrate as calibrate
     from velocal.chain import calibrate_unit as calibrate_unit
+    from velocal.chain import calibrate_without_survey as calibrate_without_survey
     from velocal.chain import residuals as residuals
     from velocal.errors import VelocalError as VelocalError
     from velocal.evaluation.statistics import LaserStatistics as LaserStatistics
@@ -52,6 +53,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.scanner.models import Scanner as Scanner
     from velocal.scanner.parameters import LaserParameters as LaserParameters
     from velocal.study.adjustment import Adjustment as Adjustment
+    from velocal.study.scanner_file import read_scanner as read_scanner
     from velocal.survey.station import Station as Station
     from velocal.survey.station import adjust_station as adjust_station
     from velocal.survey.station import read_station as read_station
@@ -81,6 +83,7 @@ _PLACES = {
     "average": "adjustment.average",
     "calibrate": "chain",
     "calibrate_unit": "chain",
+    "calibrate_without_survey": "chain",
     "convert": "calibration.convert",
     "lint": "calibration.lint",
     "max_point_distance": "calibration.convert",
@@ -88,6 +91,7 @@ _PLACES = {
     "read_calibration": "calibration.files.formats",
     "read_cloud": "recording.cloud",
     "read_parameters": "exports",
+    "read_scanner": "study.scanner_file",
     "read_station": "survey.station",
     "read_targets": "survey.targets",
     "residuals": "chain",

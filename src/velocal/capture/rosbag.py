@@ -139,7 +139,10 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
         what += "".join(f"; {reason} ({n})" for reason, n in damage.items())
         hint = "Record the topic /velodyne_packets."
         if any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts):
-            hint += " Clouds of points were computed with a calibration already."
+            hint += (
+                " Clouds of points were computed with a calibration already; to calibrate on them, "
+                "name the program that computed them (`dialect`)."
+            )
         raise RecordingError(
             f"is a ROS bag without messages of type VelodyneScan; {what}",
             where=str(path),

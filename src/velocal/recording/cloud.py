@@ -90,16 +90,25 @@ class CloudReturns:
         return self.points - sum(self.left_out.values())
 
     @property
+    def facts(self) -> dict[str, str]:
+        """What is told of the cloud, by heading."""
+        told = {
+            "cloud": f"{self.kind}, points of {self.dialect}, axes of {self.frame}",
+            "points": f"{self.used} of {self.points} used, of "
+            f"{len(np.unique(self.returns.rotation))} scans",
+            "lasers": self.lasers,
+            "rotation rate": self.rate,
+            "from the cones": f"{1e3 * self.residual_m:.2f} mm (median distance of a point from "
+            "the cone of its laser)",
+        }
+        parts = [f"{number} {reason}" for reason, number in self.left_out.items()]
+        parts += [f"{number} times: {reason}" for reason, number in self.lost.items()]
+        return told | ({"left out": "; ".join(parts)} if parts else {})
+
+    @property
     def remarks(self) -> list[str]:
         """What a reader of results should know."""
-        told = [
-            f"points of {self.dialect}, axes of {self.frame}: {self.used} of {self.points} used; "
-            f"lasers {self.lasers}; rotation rate {self.rate}; median distance from the cones of "
-            f"the lasers {1e3 * self.residual_m:.2f} mm"
-        ]
-        told += [f"{number} points {reason}" for reason, number in self.left_out.items()]
-        told += [f"{number} times: {reason}" for reason, number in self.lost.items()]
-        return told
+        return [f"{label}: {text}" for label, text in self.facts.items()]
 
     def as_dict(self) -> dict[str, Any]:
         """Facts for JSON, in the words of `Inspection.as_dict`; every byte is one of the points."""

@@ -43,6 +43,8 @@ class Family(Enum):
     VLP16 = "VLP-16"
     VLP32 = "VLP-32C"
     VLS128 = "VLS-128"
+    #: Scanners that a user describes: only their clouds of points are read.
+    DESCRIBED = "described"
 
     @property
     def interpolated(self) -> bool:
@@ -170,7 +172,7 @@ class Scanner:
 
         Those of all scanners but the HDL-64E are the return mode and the product byte.
         """
-        return self.factory_byte is None
+        return self.factory_byte is None and bool(self.flags)
 
     @property
     def coarse_encoder(self) -> bool:

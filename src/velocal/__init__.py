@@ -35,12 +35,14 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.capture.ledger import Ledger as Ledger
     from velocal.chain import calibrate as calibrate
     from velocal.chain import calibrate_unit as calibrate_unit
+    from velocal.chain import calibrate_without_survey as calibrate_without_survey
     from velocal.chain import residuals as residuals
     from velocal.errors import VelocalError as VelocalError
     from velocal.evaluation.statistics import LaserStatistics as LaserStatistics
     from velocal.exports import read_parameters as read_parameters
     from velocal.exports import write_calibration as write_calibration
     from velocal.points.stream import stream_points as stream_points
+    from velocal.recording.cloud import read_cloud as read_cloud
     from velocal.recording.recording import Recording as Recording
     from velocal.recording.recording import open_recording as open_recording
     from velocal.recording.returns import Returns as Returns
@@ -50,6 +52,7 @@ if TYPE_CHECKING:  # the same names as in `_PLACES`; a test compares both
     from velocal.scanner.models import Scanner as Scanner
     from velocal.scanner.parameters import LaserParameters as LaserParameters
     from velocal.study.adjustment import Adjustment as Adjustment
+    from velocal.study.scanner_file import read_scanner as read_scanner
     from velocal.survey.station import Station as Station
     from velocal.survey.station import adjust_station as adjust_station
     from velocal.survey.station import read_station as read_station
@@ -79,12 +82,15 @@ _PLACES = {
     "average": "adjustment.average",
     "calibrate": "chain",
     "calibrate_unit": "chain",
+    "calibrate_without_survey": "chain",
     "convert": "calibration.convert",
     "lint": "calibration.lint",
     "max_point_distance": "calibration.convert",
     "open_recording": "recording.recording",
     "read_calibration": "calibration.files.formats",
+    "read_cloud": "recording.cloud",
     "read_parameters": "exports",
+    "read_scanner": "study.scanner_file",
     "read_station": "survey.station",
     "read_targets": "survey.targets",
     "residuals": "chain",

@@ -21,7 +21,8 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
-from velocal.evaluation.planes_in_data import Cloud
+from velocal.evaluation.plane_search import find_planes
+from velocal.evaluation.planes_in_data import Cloud, Search
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
 from velocal.evaluation.unsurveyed import (
     PlaneKey,
@@ -32,9 +33,10 @@ from velocal.evaluation.unsurveyed import (
 )
 from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import scanner_named
-from velocal.scanner.parameters import LaserParameters
+from velocal.scanner.models import Scanner, scanner_named
+from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.study.adjustment import Adjustment
+from velocal.study.planes import PlaneSearch
 from velocal.survey.station import Station
 
 
@@ -274,7 +276,7 @@ def points_of(beams: Beams, factory: LaserParameters, near_points: bool = True) 
 
 def calibrate_on_planes(
     recordings: Sequence[Seen],
-    scanner: str,
+    scanner: str | Scanner,
     *,
     settings: UnitSettings | None = None,
     judged: Collection[PlaneKey] = (),
@@ -289,8 +291,7 @@ def calibrate_on_planes(
     recordings : sequence of Seen
         Points (`points_of`) and planes of every recording of one unit, all with the same
         parameters of the factory.
-    scanner : str
-        Name of the scanner.
+    scanner : str or Scanner
     settings : UnitSettings, optional
         `unsurveyed_settings` if left out.
     judged : collection of (recording, plane)
@@ -308,12 +309,64 @@ def calibrate_on_planes(
         If no recording has a plane, or nothing is left to adjust on.
     """
     factory = recordings[0].cloud.parameters
-    chosen = settings or unsurveyed_settings(scanner_named(scanner), factory)
+    known = scanner_named(scanner) if isinstance(scanner, str) else scanner
+    chosen = settings or unsurveyed_settings(known, factory)
     found = calibrate_unsurveyed(recordings, chosen, judged)
     if not near_points:
         return found
     stations = [unit_station_of(each) for each in recordings if each.planes]
     return replace(found, near_m=_mean_near_effect(stations, factory))
+
+
+def calibrate_without_survey(
+    recordings: Sequence[Beams],
+    scanner: str | Scanner,
+    factory: LaserParameters | None = None,
+    *,
+    search: PlaneSearch | None = None,
+) -> JudgedCalibration:
+    """Calibrate a scanner on planes that are searched in its recordings; nobody surveyed them.
+
+    Parameters
+    ----------
+    recordings : sequence of Beams
+        Medians of every recording of one unit, of packets (`Recording.medians`) or of a cloud of
+        points (`read_cloud`). The scanner stood still in each of them.
+    scanner : str or Scanner
+        Its name, or the description that `read_scanner` gives.
+    factory : LaserParameters, optional
+        Parameters that are corrected; the nominal ones if left out.
+    search : PlaneSearch, optional
+        How planes are searched for; as in a study of `velocal init` if left out.
+
+    Returns
+    -------
+    JudgedCalibration
+        The calibration, and what it gains on planes (or recordings) that were left out.
+
+    Raises
+    ------
+    VelocalError
+        If no plane is found.
+
+    Examples
+    --------
+    >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
+    >>> medians = recording.medians("all", azimuth_bin_deg=2.0, min_count=3)
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> found = velocal.calibrate_without_survey([medians], "HDL-32E", factory)
+    >>> found.hold_out.by
+    'plane'
+    """
+    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
+    parameters = nominal(known) if factory is None else factory
+    how = Search.from_config(search or PlaneSearch.recommended())
+    seen = []
+    for number, beams in enumerate(recordings):
+        cloud = points_of(beams, parameters)
+        planes, _ = find_planes(cloud, how)
+        seen.append(Seen(f"recording{number + 1}", cloud, tuple(planes)))
+    return calibrate_on_planes(seen, known)
 
 
 def _with_near_points(beams: Beams, factory: LaserParameters) -> Beams:

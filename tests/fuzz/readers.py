@@ -18,6 +18,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from support import clouds
 from support.capture import as_bytes, record_list, spin, two_returns, udp_frame
 from support.containers import (
     ethernet,
@@ -35,16 +36,21 @@ from support.containers import (
 )
 
 from velocal.arrays import rows_of
+from velocal.calibration.applied import AppliedCalibration
+from velocal.calibration.dialects import DIALECTS
 from velocal.calibration.files import formats
 from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.ledger import Ledger, NothingUsableError
 from velocal.capture.reading import open_capture
+from velocal.clouds.reading import open_cloud
 from velocal.errors import VelocalError
 from velocal.geometry.planes import Patch, Plane
 from velocal.io import storage
 from velocal.packets.data import PAYLOAD_BYTES, check_payloads
 from velocal.packets.firings import decode
 from velocal.packets.status import TRAILING, StatusReader
+from velocal.points.files import cloud_writer
+from velocal.recording.cloud import read_cloud
 from velocal.recording.identify import candidates
 from velocal.recording.returns import returns_of
 from velocal.recording.scan import inspect
@@ -282,6 +288,78 @@ def payload(path: Path) -> None:
         assert firings.distance.shape == firings.intensity.shape
 
 
+# -- clouds of points ------------------------------------------------------------------------------
+
+VLP16 = SCANNERS["VLP-16"]
+#: Points of the ROS driver: each lies on the cone of its laser.
+RIGHT, FORWARD, UP = (
+    AppliedCalibration(DIALECTS["ros"], nominal(VLP16), VLP16, 10.0)
+    .points(np.linspace(2, 9, 24), np.linspace(0, 6, 24), np.arange(24) % 16)
+    .T.astype("f4")
+)
+CLOUD = {
+    "x": FORWARD,
+    "y": -RIGHT,
+    "z": UP,
+    "intensity": np.arange(24, dtype="f4"),
+    "ring": (np.arange(24) % 16).astype("u2"),
+    "time": np.linspace(0, 0.1, 24),
+}
+
+
+def pcds() -> list[bytes]:
+    return [clouds.pcd(CLOUD, layout) for layout in ("ascii", "binary", "binary_compressed")]
+
+
+def plys() -> list[bytes]:
+    layouts = ("ascii", "binary_little_endian", "binary_big_endian")
+    return [clouds.ply(CLOUD, layout) for layout in layouts]
+
+
+def kittis() -> list[bytes]:
+    names = ("x", "y", "z", "intensity")
+    return [np.stack([CLOUD[name].astype("<f4") for name in names], axis=1).tobytes()]
+
+
+def bag_of_clouds(kind: str) -> list[bytes]:
+    messages = [
+        clouds.pointcloud2(CLOUD, ros1=kind == "ros1", height=height, second=height)
+        for height in (1, 4)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a"
+        clouds.write_bag(path, messages, ros1=kind == "ros1", storage="MCAP")
+        return [(path if kind == "ros1" else next(path.glob("*.mcap"))).read_bytes()]
+
+
+def own_clouds(suffix: str) -> list[bytes]:
+    columns = {name: CLOUD[name] for name in "xyz"} | {
+        "intensity": np.arange(24, dtype="u1"),
+        "laser_id": (np.arange(24) % 16).astype("u1"),
+        "rotation": np.arange(24, dtype="u4") // 12,
+        "time": CLOUD["time"],
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"x{suffix}"
+        with cloud_writer(path, shift=False, facts={"scanner": "VLP-16"}) as write:
+            write(columns)
+        return [path.read_bytes()]
+
+
+def cloud(path: Path) -> None:
+    """Read a cloud, and compute raw values if it is one of a VLP-16."""
+    n = 0
+    for block in open_cloud(path).blocks():
+        n += len(block)
+        assert block.xyz.shape == (len(block), 3)
+        assert block.laser is None or (block.laser >= 0).all()
+    found = read_cloud(path, "VLP-16", dialect="ros", rotation_rate_hz=10.0)
+    assert found.points == n
+    assert 0 < found.used <= n
+    assert (found.returns.azimuth < 36_000).all()
+    json.dumps(storage.finite(found.as_dict()), allow_nan=False)
+
+
 # -- calibrations, tables, our own files -----------------------------------------------------------
 
 
@@ -364,12 +442,20 @@ def csv(path: Path) -> None:
 
 READERS = {
     "records": Reader("", records, capture, 4000),
-    "pcap": Reader("", pcaps, capture, 6000),
-    "pcapng": Reader("", pcapngs, capture, 5000),
-    "compressed": Reader("", packed, capture, 5000),
+    "pcap": Reader("", pcaps, capture, 5000),
+    "pcapng": Reader("", pcapngs, capture, 4000),
+    "compressed": Reader("", packed, capture, 4000),
     "ros1": Reader(".bag", ros1, capture, 3000),
     "mcap": Reader(".mcap", mcap, capture, 3000),
     "db3": Reader(".db3", db3, capture, 1000),
+    "pcd": Reader(".pcd", pcds, cloud, 900),
+    "ply": Reader(".ply", plys, cloud, 500),
+    "kitti": Reader(".bin", kittis, cloud, 200),
+    "clouds_ros1": Reader(".bag", lambda: bag_of_clouds("ros1"), cloud, 400),
+    "clouds_mcap": Reader(".mcap", lambda: bag_of_clouds("mcap"), cloud, 500),
+    "own_parquet": Reader(".parquet", lambda: own_clouds(".parquet"), cloud, 200),
+    "own_las": Reader(".las", lambda: own_clouds(".las"), cloud, 200),
+    "own_laz": Reader(".laz", lambda: own_clouds(".laz"), cloud, 100),
     "packets": Reader("", lambda: [kinds_of_payloads().tobytes()], payload, 2500),
     "xml": Reader(".xml", lambda: calibration_seeds(".xml"), calibration, 2000),
     "yaml": Reader(".yaml", lambda: calibration_seeds(".yaml"), calibration, 2000),

@@ -42,6 +42,8 @@ except VelocalError as error:
 
 
 FIGURES = SETTINGS.figures
+# Samples whose recording is a cloud of points: `read_cloud` makes their returns.
+CLOUDS = [name for name, sample in STUDY.unsurveyed.items() if sample.is_cloud]
 
 
 def one_of(names):

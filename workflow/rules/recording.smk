@@ -29,7 +29,9 @@ rule index_recording:
     log:
         f"{RESULTS}/logs/index_recording/{{sample}}.log",
     wildcard_constraints:
-        sample=one_of([name for name in STUDY.samples if name not in EMBEDDED]),
+        sample=one_of(
+            [name for name in STUDY.samples if name not in [*EMBEDDED, *CLOUDS]]
+        ),
     params:
         scanner=lambda wildcards: sample_of(wildcards).scanner,
         port=lambda wildcards: sample_of(wildcards).port,
@@ -81,4 +83,4 @@ use rule reduce_recording as reduce_whole_recording with:
         returns=f"{RESULTS}/returns/{{sample}}/{WHOLE}.parquet",
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
     wildcard_constraints:
-        sample=one_of(STUDY.unsurveyed),
+        sample=one_of([name for name in STUDY.unsurveyed if name not in CLOUDS]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from velocal.arrays import Array
 from velocal.calibration.convert import convert
 from velocal.calibration.dialects import MANUAL, PAPER, Dialect, dialect_named
 from velocal.calibration.files.document import CalibrationFile
+from velocal.calibration.inverse import RawValues, raw_values
 from velocal.scanner import beam
 from velocal.scanner.models import AZIMUTH_TICK_DEG, Scanner
 from velocal.scanner.parameters import LaserParameters
@@ -85,15 +86,40 @@ class AppliedCalibration:
         """
         if not self.has_near_points and not rounded:
             return beam.points(distance_m, phi, laser_id, self.model)
-        turned = 2.0 * np.pi * self.rate_hz
-        added = turned * self.dialect.delays_s(self.scanner)[laser_id]
+        firing = phi - 2.0 * np.pi * self.rate_hz * self.scanner.azimuth_delay_s[laser_id]
+        azimuth = firing + self._added(rounded)[laser_id]
+        effective = self.dialect.effective(self.parameters, self.scanner)
+        return self.dialect.points(distance_m, azimuth, laser_id, effective)
+
+    def raw(self, xyz: Array, laser_id: NDArray[np.integer], *, rounded: bool = False) -> RawValues:
+        """Raw values of points that the program has computed: the inverse of `points`.
+
+        Parameters
+        ----------
+        xyz : ndarray, shape (n, 3)
+            Scanner frame, metres.
+        laser_id : ndarray of int, shape (n,)
+        rounded : bool
+            As of `points`.
+
+        Returns
+        -------
+        RawValues
+            Its azimuths are those of the firings.
+        """
+        effective = self.dialect.effective(self.parameters, self.scanner)
+        found = raw_values(self.dialect, xyz, laser_id, effective)
+        firing = np.mod(found.azimuth - self._added(rounded)[laser_id], 2.0 * np.pi)
+        return replace(found, azimuth=firing)
+
+    def _added(self, rounded: bool) -> Array:
+        """What the program adds to the azimuth of a firing, by laser, radians."""
+        added = 2.0 * np.pi * self.rate_hz * self.dialect.delays_s(self.scanner)
         if rounded and self.dialect.rounds:
             # Those of firings are whole ticks; their means in medians are not.
             tick = np.deg2rad(AZIMUTH_TICK_DEG)
             added = np.round(added / tick) * tick
-        azimuth = phi - turned * self.scanner.azimuth_delay_s[laser_id] + added
-        effective = self.dialect.effective(self.parameters, self.scanner)
-        return self.dialect.points(distance_m, azimuth, laser_id, effective)
+        return np.asarray(added)
 
     @property
     def left_out(self) -> str | None:

@@ -103,6 +103,8 @@ class Dialect:
         Whether interpolated azimuths are rounded to 0.01 degrees.
     angles_only : tuple of Family
         Families of which the program reads the angles, and no distance correction or offset.
+    frame : {"velocal", "ros"}
+        Axes in which the program writes points: Y forward and X right, or X forward and Y left.
     """
 
     name: str
@@ -114,6 +116,7 @@ class Dialect:
     interpolation: Mapping[Family, Interpolation] = field(default_factory=dict, hash=False)
     rounds: bool = True
     angles_only: tuple[Family, ...] = ()
+    frame: Literal["velocal", "ros"] = "velocal"
 
     def effective(self, parameters: LaserParameters, scanner: Scanner) -> LaserParameters:
         """Numbers that take effect for a scanner.
@@ -330,6 +333,7 @@ DIALECTS: dict[str, Dialect] = {
             two_point=replace(_SAMPLE_CODE, where="flag"),
             interpolation=dict.fromkeys((Family.VLP16, Family.VLS128), Interpolation.ALL_LASERS),
             angles_only=(Family.VLS128,),  # RawData::unpack_vls128
+            frame="ros",
         ),
         Dialect(
             "libvelodyne",
@@ -356,12 +360,14 @@ DIALECTS: dict[str, Dialect] = {
                 Family.VLP16: Interpolation.ALL_LASERS,
                 Family.VLP32: Interpolation.AS_HDL32,
             },
+            frame="ros",
         ),
         Dialect(
             "velodyne_decoder",
             "valgur/velodyne_decoder, src/packet_decoder.cpp",
             two_point=TwoPoint("nonzero", 25.039, with_offsets=False, z="mean"),
             interpolation=_ALL,
+            frame="ros",
         ),
     )
 }

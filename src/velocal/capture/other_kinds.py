@@ -6,7 +6,10 @@ import shlex
 from pathlib import PurePath
 
 _CAPTURE = "Capture with tcpdump or Wireshark, which write pcap or pcapng."
-_POINTS = "Points were computed with a calibration already. A calibration needs the packets."
+_POINTS = (
+    "Points were computed with a calibration already. To calibrate on them, name the program that "
+    "computed them: `dialect` in the sample table, or --dialect of `velocal inspect`."
+)
 _PAGE = "The page that shows the file was saved. Download the file itself."
 _LFS = "Get the recording with `git lfs pull`."
 

@@ -96,7 +96,7 @@ def topics(path: Path) -> Counter[Topic]:
     for file in files(path):
         counts = _by_index(file)
         if not any(is_scan(topic) for topic in counts):
-            seen = Counter(part.topic for part in _messages(file) if isinstance(part, Message))
+            seen = Counter(part.topic for part in messages(file) if isinstance(part, Message))
             counts = Counter({topic: seen[topic] for topic in {**counts, **seen}})
         for topic, n in counts.items():
             found[topic] += n
@@ -133,13 +133,16 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
             scans[topic.name] += n
     if not scans:
         types = {f"{topic.name} of type {topic.type}": n for topic, n in counts.items()}
-        parts = (part for file in files(path) for part in _messages(file))
+        parts = (part for file in files(path) for part in messages(file))
         damage = Counter(part.reason for part in parts if isinstance(part, Unusable))
         what = f"it holds {listed(types, 'messages') if types else 'no messages'}"
         what += "".join(f"; {reason} ({n})" for reason, n in damage.items())
         hint = "Record the topic /velodyne_packets."
         if any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts):
-            hint += " Clouds of points were computed with a calibration already."
+            hint += (
+                " Clouds of points were computed with a calibration already; to calibrate on them, "
+                "name the program that computed them (`dialect`)."
+            )
         raise RecordingError(
             f"is a ROS bag without messages of type VelodyneScan; {what}",
             where=str(path),
@@ -162,7 +165,7 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
     return address or next(iter(scans))
 
 
-def _messages(path: Path) -> Iterator[Message | Unusable]:
+def messages(path: Path) -> Iterator[Message | Unusable]:
     """Messages of one file of a bag.
 
     Raises
@@ -231,7 +234,7 @@ def chunks(path: Path, topic: str, ledger: Ledger) -> Iterator[Chunk]:
     """
     position = 0
     for file in files(path):
-        for part in _messages(file):
+        for part in messages(file):
             size = part.bytes if isinstance(part, Unusable) else len(part.data)
             ledger.file_bytes += size
             if isinstance(part, Unusable):

@@ -13,6 +13,7 @@ from rich import markup
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
+from velocal.calibration.dialects import DIALECTS
 from velocal.errors import visible
 from velocal.scanner.models import SCANNERS, scanner_named
 from velocal.study.windows import MAX_MISSING
@@ -53,6 +54,15 @@ MaxMissing = Annotated[
         min=0.0,
         max=1.0,
         help="Share of its azimuth that a complete rotation may miss where packets are lost.",
+    ),
+]
+
+Dialect = Annotated[
+    str | None,
+    typer.Option(
+        help="FILE is a cloud of points that this program computed: "
+        f"{', '.join(DIALECTS)}. --address is a topic of PointCloud2.",
+        show_default=False,
     ),
 ]
 

@@ -21,6 +21,7 @@ from velocal.cli.common import (
     scanned,
     tell,
 )
+from velocal.clouds.origin import Origin, digest
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 
@@ -112,7 +113,10 @@ def points(
         returns,
         recording.source,
     )
-    facts = {"scanner": known.name, "frame": frame, "rotations": len(chosen)}
+    rate_hz = inspection.index.rate_for(known, chosen)
+    use = applied(settings.parameters, known, rate_hz)
+    origin = Origin(known.name, frame, use.dialect.name, rate_hz, digest(use.parameters))
+    facts = {**origin.facts(), "rotations": len(chosen)}
     total = int((inspection.index.packet[chosen + 1] - inspection.index.packet[chosen]).sum())
     number, moved = 0, 0.0
     with (
@@ -126,8 +130,7 @@ def points(
             moved += float(columns["shift"].sum()) if before is not None else 0.0
             bar.advance(task, packets)
     say(f"{output}: {number} points of {len(chosen)} rotations ({known.name}, {calibration})")
-    rate_hz = inspection.index.rate_for(known, chosen)
-    read = [(calibration, applied(settings.parameters, known, rate_hz))]
+    read = [(calibration, use)]
     if before is not None and settings.before is not None:
         read.insert(0, (before, applied(settings.before, known, rate_hz)))
         say(f"moved by {100.0 * moved / max(number, 1):.2f} cm on average since {before}")

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from velocal.cli.common import (
     Address,
+    Dialect,
     File,
     Force,
     MaxMissing,
@@ -40,9 +41,23 @@ def inspect(
     port: Port = None,
     address: Address = None,
     max_missing: MaxMissing = MAX_MISSING,
+    dialect: Dialect = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", "-c", help="Calibration of that program (default: nominal)."),
+    ] = None,
+    frame: Annotated[
+        str | None, typer.Option(help="Axes of a cloud, velocal or ros, where it does not say.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
 ) -> None:
-    """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte."""
+    """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte.
+
+    With --dialect it is a cloud of points: how many of them that program makes of raw values.
+    """
+    if dialect is not None:
+        _inspect_cloud(file, scanner, dialect, calibration, frame, address, as_json=as_json)
+        return
     from velocal.capture.ledger import NothingUsableError
 
     try:
@@ -68,6 +83,36 @@ def inspect(
         print_json(facts)
         return
     _print_facts(inspection, known, remarks)
+
+
+def _inspect_cloud(
+    file: Path,
+    scanner: str | None,
+    dialect: str,
+    calibration: Path | None,
+    frame: str | None,
+    topic: str | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Print what `read_cloud` finds, as a table or as JSON."""
+    from velocal.calibration.files import formats
+    from velocal.recording.cloud import read_cloud
+    from velocal.study.scanner_file import scanner_of
+
+    known = None if scanner is None else scanner_of(scanner, where="--scanner")
+    numbers = None
+    if calibration is not None:
+        n_lasers = None if known is None else known.n_lasers
+        numbers = formats.read_calibration(calibration, n_lasers)
+    found = read_cloud(file, known, numbers, dialect=dialect, frame=frame, topic=topic)
+    if as_json:
+        print_json({"file": file.name, "scanner": found.returns.scanner.name, **found.as_dict()})
+        return
+    top = Table(show_header=False, box=None, pad_edge=False)
+    for label, text in {"scanner": found.returns.scanner.name, **found.facts}.items():
+        top.add_row(f"[bold]{label}[/]", escape(text))
+    Console(highlight=False).print(top)
 
 
 def _print_facts(inspection: Inspection, scanner: Scanner | None, remarks: list[str]) -> None:

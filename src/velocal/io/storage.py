@@ -182,6 +182,22 @@ def read_table(
         ) from None
 
 
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a Parquet table.
+
+    Raises
+    ------
+    StorageError
+        If the file is damaged.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            return list(file.schema_arrow.names)
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+        reason = (str(error).splitlines() or ["no memory for what it states"])[0]
+        raise StorageError(f"cannot be read: {reason}", where=str(path), hint=_DAMAGED) from None
+
+
 def _check_columns(found: pa.Schema, schema: pa.Schema, path: Path) -> None:
     """Check that a table has the columns of a schema, of the same types and in the same order."""
     if found.names == schema.names and found.types == schema.types:

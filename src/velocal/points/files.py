@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import date
@@ -13,6 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from velocal import __version__
+from velocal.clouds import las
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.io.output import new_file
@@ -25,8 +27,6 @@ Write = Callable[[Columns], None]
 HEADER_BYTES = 1024
 #: Resolution of coordinates in LAS, metres.
 LAS_SCALE_M = 0.001
-#: LAS wants intensities over all of 16 bits.
-LAS_INTENSITY = 256
 #: LAS must name the day it was made; the same input gives the same bytes on any day.
 LAS_DAY = date(2000, 1, 1)
 
@@ -51,17 +51,22 @@ def fields(*, shift: bool) -> list[str]:
 
 @contextmanager
 def _text_headed(
-    path: Path, names: Sequence[str], header: Callable[[Sequence[str], int, str], str]
+    path: Path,
+    names: Sequence[str],
+    facts: Mapping[str, Any],
+    header: Callable[[Sequence[str], int, str], str],
 ) -> Iterator[Write]:
     """Rows of packed little-endian numbers behind a text header with their number in it.
 
-    The header is written last, and padded within a comment so that its length is known before.
+    The header is written last, and padded within a comment so that its length is known before. The
+    comment holds the facts as JSON.
     """
+    told = json.dumps(facts)
     row = np.dtype([(name, "<" + _ROW[name]) for name in names])
 
     def head(points: int) -> bytes:
-        pad = HEADER_BYTES - len(header(names, points, ""))
-        return header(names, points, "." * pad).encode("ascii")
+        pad = HEADER_BYTES - len(header(names, points, f"{told} "))
+        return header(names, points, f"{told} {'.' * pad}").encode("ascii")
 
     points = 0
     with new_file(path) as file:
@@ -110,12 +115,16 @@ def _pcd_header(names: Sequence[str], points: int, pad: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _ply(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> AbstractContextManager[Write]:
-    return _text_headed(path, names, _ply_header)
+def _ply(
+    path: Path, names: Sequence[str], facts: Mapping[str, Any]
+) -> AbstractContextManager[Write]:
+    return _text_headed(path, names, facts, _ply_header)
 
 
-def _pcd(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> AbstractContextManager[Write]:
-    return _text_headed(path, names, _pcd_header)
+def _pcd(
+    path: Path, names: Sequence[str], facts: Mapping[str, Any]
+) -> AbstractContextManager[Write]:
+    return _text_headed(path, names, facts, _pcd_header)
 
 
 @contextmanager
@@ -128,7 +137,7 @@ def _parquet(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iter
 
 
 @contextmanager
-def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Write]:
+def _las(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iterator[Write]:
     """LAS 1.4, point format 6; what LAS has no field for becomes an extra dimension."""
     laspy = _laspy(path)
     compress = path.suffix.lower() == ".laz"
@@ -146,6 +155,8 @@ def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Wri
     header.generating_software = f"velocal {__version__}"
     extra = [name for name in names if name in ("laser_id", "rotation", "shift")]
     header.add_extra_dims([laspy.ExtraBytesParams(name, _ROW[name]) for name in extra])
+    told = laspy.VLR(las.USER, 1, "how the points were made", json.dumps(facts).encode("ascii"))
+    header.vlrs.append(told)
     with new_file(path) as file:
         writer = laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False)
 
@@ -156,7 +167,7 @@ def _las(path: Path, names: Sequence[str], _: Mapping[str, Any]) -> Iterator[Wri
             for axis in ("x", "y", "z"):
                 ticks = columns[axis].astype(np.float64) / LAS_SCALE_M
                 raw[axis.upper()] = np.rint(ticks, out=ticks)
-            raw["intensity"] = columns["intensity"].astype(np.uint16) * LAS_INTENSITY
+            raw["intensity"] = columns["intensity"].astype(np.uint16) * las.INTENSITY_SCALE
             raw["gps_time"] = columns["time"]
             points["return_number"][:] = points["number_of_returns"][:] = 1
             for name in extra:
@@ -195,7 +206,8 @@ def cloud_writer(
     shift : bool
         Whether the points have a shift.
     facts : mapping
-        Kept in the metadata of Parquet.
+        Plain values that are kept in the file, of which `velocal.clouds.origin.Origin` is read
+        back: in the metadata of Parquet, a comment of PLY and PCD, a record of LAS.
 
     Returns
     -------

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from velocal.arrays import Array, joined_rows
 from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import RecordingError
-from velocal.recording.returns import returns_of
+from velocal.recording.returns import Returns, returns_of
 from velocal.recording.rotation_index import RotationIndex
 from velocal.scanner.models import AZIMUTH_TICKS, Scanner
 
@@ -55,7 +55,10 @@ def changed_share(
     places = np.unique(np.linspace(0, len(complete) - 1, ROTATIONS).round().astype(int))
     if len(complete) < 2:
         return 0.0
-    grids = [_grid(path, index, scanner, complete[[place]], source) for place in places]
+    grids = [
+        _grid(joined_rows(list(returns_of(path, index, complete[[at]], scanner, source=source))))
+        for at in places
+    ]
     return max(_changed(grids[0], grid) for grid in grids[1:])
 
 
@@ -71,10 +74,7 @@ def moved(
     list of str
         One remark, or none.
     """
-    share = changed_share(path, index, scanner, source)
-    if share < MOVED_SHARE:
-        return []
-    return [f"the scanner moves: {100 * share:.0f} % of the smooth surfaces change their distance"]
+    return _remark(changed_share(path, index, scanner, source))
 
 
 def check_standing(
@@ -89,24 +89,51 @@ def check_standing(
     RecordingError
         If it moved.
     """
-    for remark in moved(path, index, scanner, source):
+    _refuse(moved(path, index, scanner, source), str(path))
+
+
+def check_cloud_standing(returns: Returns, where: str) -> None:
+    """Check that the scanner stood still while a cloud was measured.
+
+    Parameters
+    ----------
+    returns : Returns
+        Out of the cloud.
+    where : str
+        The file, for the error.
+
+    Raises
+    ------
+    RecordingError
+        If it moved.
+    """
+    numbers = np.unique(returns.rotation)
+    places = np.unique(np.linspace(0, len(numbers) - 1, ROTATIONS).round().astype(int))
+    grids = [_grid(returns[returns.rotation == numbers[place]]) for place in places]
+    _refuse(_remark(max((_changed(grids[0], grid) for grid in grids[1:]), default=0.0)), where)
+
+
+def _refuse(remarks: list[str], where: str) -> None:
+    """Raise an error for a scanner that moved."""
+    for remark in remarks:
         raise RecordingError(
             remark,
-            where=str(path),
+            where=where,
             allowed=f"less than {100 * MOVED_SHARE:.0f} %",
             hint="A calibration needs recordings of a scanner that stands still.",
         )
 
 
-def _grid(
-    path: Path,
-    index: RotationIndex,
-    scanner: Scanner,
-    rotation: NDArray[np.int64],
-    source: SourceFilter,
-) -> Array:
+def _remark(share: float) -> list[str]:
+    """Remark on a share of changed surfaces, if it is large."""
+    if share < MOVED_SHARE:
+        return []
+    return [f"the scanner moves: {100 * share:.0f} % of the smooth surfaces change their distance"]
+
+
+def _grid(returns: Returns) -> Array:
     """Median distance of every laser and azimuth bin of a rotation; NaN without a return."""
-    found = joined_rows(list(returns_of(path, index, rotation, scanner, source=source))).seen
+    found, scanner = returns.seen, returns.scanner
     bins = AZIMUTH_TICKS // _BIN_TICKS
     cell = found.laser_id.astype(np.int64) * bins + found.azimuth.astype(np.int64) // _BIN_TICKS
     ascending = np.lexsort((found.distance, cell))

@@ -179,14 +179,7 @@ def write_returns(
         If `returns` is unknown.
     """
     rows = 0
-    facts: dict[str, Any] = {
-        "scanner": scanner.name,
-        "rotations": len(rotations),
-        "rotation_rate_hz": index.rate_for(scanner, rotations),
-        "lasers_per_firing": scanner.lasers_per_firing,
-        "distance_tick_m": scanner.distance_tick_m,
-        "returns": returns,
-    }
+    facts = _facts(scanner, len(rotations), index.rate_for(scanner, rotations), returns)
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
         for part in returns_of(
             recording, index, rotations, scanner, progress, returns=returns, source=source
@@ -194,6 +187,32 @@ def write_returns(
             writer.write(part.columns())
             rows += len(part)
     return rows
+
+
+def write_table_of(returns: Returns, path: Path) -> None:
+    """Write returns that are in memory, such as those of a cloud, as `write_returns` does.
+
+    Parameters
+    ----------
+    returns : Returns
+    path : Path
+        Parquet file to write (`schemas.RETURNS`).
+    """
+    rotations = len(np.unique(returns.rotation))
+    facts = _facts(returns.scanner, rotations, returns.rotation_rate_hz, "points")
+    storage.write_table(path, schemas.RETURNS, returns.columns(), **facts)
+
+
+def _facts(scanner: Scanner, rotations: int, rate_hz: float, returns: str) -> dict[str, Any]:
+    """What is kept beside a table of returns."""
+    return {
+        "scanner": scanner.name,
+        "rotations": rotations,
+        "rotation_rate_hz": rate_hz,
+        "lasers_per_firing": scanner.lasers_per_firing,
+        "distance_tick_m": scanner.distance_tick_m,
+        "returns": returns,
+    }
 
 
 def returns_of(

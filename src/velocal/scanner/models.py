@@ -43,6 +43,8 @@ class Family(Enum):
     VLP16 = "VLP-16"
     VLP32 = "VLP-32C"
     VLS128 = "VLS-128"
+    #: Scanners that a user describes: only their clouds of points are read.
+    DESCRIBED = "described"
 
     @property
     def interpolated(self) -> bool:
@@ -106,6 +108,8 @@ class Scanner:
         is the one of the maker's beam equations: the optical centre where a scanner is made to
         nominal values. That of an HDL-64E is taken at the bottom, since the file of the factory
         states the height of every laser (`voff`, 0.1 to 0.2 m).
+    min_range_m : float
+        Points of a cloud that are nearer are left out.
     """
 
     name: str
@@ -130,6 +134,7 @@ class Scanner:
     embeds_calibration: bool = False
     origin_height_m: float = 0.0
     range_sigma_m: float = RANGE_SIGMA_M
+    min_range_m: float = 0.0
 
     @property
     def short_name(self) -> str:
@@ -138,8 +143,8 @@ class Scanner:
 
     @property
     def lasers_per_firing(self) -> int:
-        """Lasers in one firing of one block: 32, or 16 for the VLP-16."""
-        return 32 // self.firings_per_block
+        """Lasers in one firing of one block: 32, or 16 for the VLP-16; all without packets."""
+        return 32 // self.firings_per_block if self.flags else self.n_lasers
 
     def azimuth_bin(self, width_deg: float | None) -> int:
         """Width of an azimuth bin in raw azimuth ticks.
@@ -167,7 +172,7 @@ class Scanner:
 
         Those of all scanners but the HDL-64E are the return mode and the product byte.
         """
-        return self.factory_byte is None
+        return self.factory_byte is None and bool(self.flags)
 
     @property
     def coarse_encoder(self) -> bool:

@@ -59,6 +59,13 @@ class PlaneSearch(Section):
     )
     seed: int = Field(ge=0, description="seed of the random search")
 
+    @classmethod
+    def recommended(cls) -> PlaneSearch:
+        """What a study of `velocal init` begins with."""
+        return cls(
+            planes=8, distance_cm=6.0, extent_m=4.0, min_points=300, incidence_deg=70.0, seed=1
+        )
+
 
 class Judged(Section):
     """Planes that calibrations without a survey are only judged on."""

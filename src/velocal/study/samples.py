@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from velocal.calibration.dialects import DIALECTS
 from velocal.errors import ConfigError
 from velocal.io.written_tables import read_written_table
 from velocal.scanner.models import SCANNERS
@@ -18,6 +19,9 @@ from velocal.study.model import (
     ScannerName,
     Section,
     Text,
+    enum,
+    fault,
+    known_as,
     validated,
 )
 from velocal.study.windows import WHOLE, WINDOWS
@@ -25,6 +29,7 @@ from velocal.study.windows import WHOLE, WINDOWS
 #: What the column `calibration` may say instead of naming a file.
 NOMINAL, EMBEDDED = "nominal", "embedded"
 
+_DialectName = Annotated[str, known_as("dialect", DIALECTS), enum(DIALECTS)]
 #: An empty entry means that nothing is chosen.
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
 
@@ -82,7 +87,39 @@ class SurveyedSample(Sample):
 
 
 class UnsurveyedSample(Sample):
-    """A recording without a survey."""
+    """A recording without a survey, or a cloud of points."""
+
+    dialect: Annotated[_DialectName | None, _Any] = Field(
+        default=None,
+        description="where the recording is a cloud of points: the program that computed them with "
+        "`calibration` (`docs/dialects.md`); an empty entry means packets",
+    )
+    frame: Annotated[Literal["velocal", "ros"] | None, _Any] = Field(
+        default=None,
+        description="axes of a cloud: `velocal` (Y forward, X right) or `ros` (X forward, Y left); "
+        "an empty entry means those of its format or its program",
+    )
+
+    @model_validator(mode="after")
+    def _of_a_cloud(self) -> Self:
+        """Check what is said of a cloud, and only of a cloud."""
+        if self.dialect is None and self.frame is not None:
+            raise fault(
+                "is said of packets", key="frame", hint="Name the program of a cloud, as `dialect`."
+            )
+        if self.dialect is not None and self.calibration == EMBEDDED:
+            raise fault(
+                f"{EMBEDDED!r}, but the recording is a cloud",
+                key="calibration",
+                allowed=["a file", NOMINAL],
+                hint="A cloud holds no packets: name the file that the program used.",
+            )
+        return self
+
+    @property
+    def is_cloud(self) -> bool:
+        """Whether the recording is a cloud of points."""
+        return self.dialect is not None
 
 
 class OutdoorSample(Row):

@@ -20,7 +20,7 @@ from velocal.io import storage
 from velocal.io.markup import inserted
 from velocal.study.config import StudyConfig
 from velocal.study.model import Placeholder
-from velocal.study.samples import OutdoorSample, SurveyedSample
+from velocal.study.samples import OutdoorSample, SurveyedSample, UnsurveyedSample
 from velocal.study.world import WorldFile
 
 #: Models of whole files, by the name of their schema.
@@ -29,6 +29,7 @@ FILES: dict[str, type[BaseModel]] = {"config": StudyConfig, "world": WorldFile}
 TABLES: dict[str, type[BaseModel]] = {
     "config": StudyConfig,
     "samples": SurveyedSample,
+    "unsurveyed_samples": UnsurveyedSample,
     "outdoor_samples": OutdoorSample,
 }
 #: Units by the ending of a field's name, the longest first.

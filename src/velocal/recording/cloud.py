@@ -1,0 +1,449 @@
+"""Returns out of a cloud of points: raw ticks, as they would have been decoded from packets.
+
+The program that made the points is known, and so are the numbers that it used: its formula is
+inverted, and distances and azimuths are whole ticks again. Ticks are coarser than the rounding of
+most files, so that they are those of the packets.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velocal.arrays import Array, joined_rows
+from velocal.calibration import rings
+from velocal.calibration.applied import AppliedCalibration
+from velocal.calibration.dialects import DIALECTS, dialect_named
+from velocal.calibration.files.document import CalibrationFile
+from velocal.capture.ledger import Ledger
+from velocal.clouds.block import PointBlock
+from velocal.clouds.origin import digest
+from velocal.clouds.reading import CloudFile, open_cloud
+from velocal.errors import ConfigError, RecordingError
+from velocal.recording.gathering import whole_firings
+from velocal.recording.returns import Returns
+from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner, scanner_named
+from velocal.scanner.parameters import LaserParameters, nominal
+
+#: A point belongs to its laser if it lies this near to the cone of the laser: rounding of files,
+#: and a share of the range (0.03 deg) for numbers that are written with few digits.
+_NEAR_M, _NEAR_RAD = 0.005, 0.0005
+#: Rates of real scanners; what is outside was not measured.
+_RATES_HZ = (1.0, 60.0)
+_USUAL_RATE_HZ = 10.0
+#: Points that decide how a file numbers its lasers, and that a rate is derived from.
+_SOME = 20_000
+FRAMES = ("velocal", "ros")
+_TICK_RAD = np.deg2rad(AZIMUTH_TICK_DEG)
+_HOUR_US = 3_600_000_000
+
+
+@dataclass(frozen=True)
+class CloudReturns:
+    """What a cloud of points holds, as returns; see `read_cloud`.
+
+    Attributes
+    ----------
+    returns : Returns
+        Raw ticks; a scan of a bag or of a folder counts as one rotation.
+    kind : str
+        Format of the file.
+    bytes : int
+        Of the file, or of all files of a folder.
+    dialect, frame : str
+        Program that made the points, and axes of the file.
+    points : int
+        Points of the file.
+    left_out : mapping of str to int
+        Points that are not used, by reason.
+    lasers : str
+        How the file says which laser a point is of.
+    rate : str
+        Where the rotation rate comes from.
+    residual_m : float
+        Median distance of the points that are used from the cones of their lasers.
+    lost : mapping of str to int
+        Messages and stretches of a bag that cannot be used, by reason.
+    """
+
+    returns: Returns
+    kind: str
+    bytes: int
+    dialect: str
+    frame: str
+    points: int
+    left_out: Mapping[str, int]
+    lasers: str
+    rate: str
+    residual_m: float
+    lost: Mapping[str, int]
+
+    @property
+    def used(self) -> int:
+        """Points that are used."""
+        return self.points - sum(self.left_out.values())
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What is told of the cloud, by heading."""
+        told = {
+            "cloud": f"{self.kind}, points of {self.dialect}, axes of {self.frame}",
+            "points": f"{self.used} of {self.points} used, of "
+            f"{len(np.unique(self.returns.rotation))} scans",
+            "lasers": self.lasers,
+            "rotation rate": self.rate,
+            "from the cones": f"{1e3 * self.residual_m:.2f} mm (median distance of a point from "
+            "the cone of its laser)",
+        }
+        parts = [f"{number} {reason}" for reason, number in self.left_out.items()]
+        parts += [f"{number} times: {reason}" for reason, number in self.lost.items()]
+        return told | ({"left out": "; ".join(parts)} if parts else {})
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader of results should know."""
+        return [f"{label}: {text}" for label, text in self.facts.items()]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Facts for JSON, in the words of `Inspection.as_dict`; every byte is one of the points."""
+        ledger = Ledger(self.bytes, self.kind, framing_bytes=self.bytes)
+        return {
+            "ledger": ledger.as_dict(),
+            "gaps": 0,
+            "packets_missing": 0,
+            "duration_s": float("nan"),
+            "rotations_complete": len(np.unique(self.returns.rotation)),
+            "rotation_rate_hz": self.returns.rotation_rate_hz,
+            "dialect": self.dialect,
+            "frame": self.frame,
+            "points": self.points,
+            "points_used": self.used,
+            "points_left_out": dict(self.left_out),
+            "remarks": self.remarks,
+        }
+
+
+@dataclass(frozen=True)
+class _Made:
+    """How the points were made: what turns them into raw values.
+
+    Attributes
+    ----------
+    applied : AppliedCalibration
+    frame : str
+    rounded : bool
+        Whether the program has rounded azimuths that it interpolates.
+    laser_of : ndarray of int64 or None
+        Laser by the number of the file; None where the file has none.
+    lasers : str
+        The same, for people.
+    """
+
+    applied: AppliedCalibration
+    frame: str
+    rounded: bool
+    laser_of: NDArray[np.int64] | None = None
+    lasers: str = ""
+
+    def turned(self, xyz: Array) -> Array:
+        """Points in the scanner frame of this project."""
+        if self.frame == "velocal":
+            return xyz
+        return np.stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]], axis=-1)
+
+
+def read_cloud(
+    path: str | Path,
+    scanner: str | Scanner | None = None,
+    calibration: CalibrationFile | LaserParameters | None = None,
+    *,
+    dialect: str | None = None,
+    frame: str | None = None,
+    topic: str | None = None,
+    rotation_rate_hz: float | None = None,
+) -> CloudReturns:
+    """Read a cloud of points, and compute the raw values that its points were made of.
+
+    Parameters
+    ----------
+    path : str or Path
+        PCD, PLY, LAS, LAZ, Parquet of `velocal points`, `.bin` of KITTI, `.pcd.bin` of nuScenes, a
+        ROS bag with PointCloud2, or a folder with a scan in every file.
+    scanner : str or Scanner, optional
+        The scanner that measured the points. May be left out for files of `velocal points`.
+    calibration : CalibrationFile or LaserParameters, optional
+        Numbers that the program used; the nominal ones of the scanner if left out.
+    dialect : str, optional
+        The program, as `DIALECTS` names it. May be left out for files of `velocal points`.
+    frame : {"velocal", "ros"}, optional
+        Axes of the file: Y forward and X right, or X forward and Y left. If left out, those that
+        the file states, else those of its format, else those of the program.
+    topic : str, optional
+        Topic of the clouds in a bag, where it has several.
+    rotation_rate_hz : float, optional
+        Rotation rate. If left out, what the file states, else that of the times of points or
+        messages, else 10 Hz; it matters only for programs that interpolate azimuths within a firing
+        in another way than the manufacturer.
+
+    Returns
+    -------
+    CloudReturns
+        Returns, and what was left out.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or most of its points cannot come from this scanner, program and
+        calibration.
+    ConfigError
+        If the scanner or the program is not stated, or contradicts what the file says.
+
+    Examples
+    --------
+    >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
+    >>> found = velocal.read_cloud("points.pcd", "HDL-32E", factory, dialect="paper")
+    >>> found.kind, found.used == found.points
+    ('PCD', True)
+    >>> medians = found.returns.medians(min_count=3)
+    """
+    file = open_cloud(Path(path), topic)
+    known = _scanner(file, scanner)
+    numbers = nominal(known) if calibration is None else calibration
+    made, rate = _how(file, known, numbers, dialect, frame, rotation_rate_hz)
+    parts: list[Returns] = []
+    left_out: Counter[str] = Counter()
+    residuals: list[Array] = []
+    points = 0
+    for block in file.blocks():
+        points += len(block)
+        finite = np.asarray(np.isfinite(block.xyz).all(axis=1), dtype=np.bool_)
+        block = _kept(block, finite, "have no finite coordinates", left_out)
+        far: NDArray[Any] = np.linalg.norm(block.xyz, axis=1) > max(known.min_range_m, 1e-6)
+        block = _kept(block, far, "are nearer than the scanner measures", left_out)
+        if not len(block):
+            continue
+        if not made.lasers:
+            made = _with_lasers(made, block, str(path))
+        part, residual = _returns(made, block, left_out)
+        parts.append(part)
+        residuals.append(residual)
+    used = sum(map(len, residuals))
+    no_laser = left_out[_OFF_CONE] + left_out[_NO_TICK]
+    if not parts or used < no_laser or not used:
+        raise _no_such_points(made, points, used, str(path))
+    return CloudReturns(
+        joined_rows(parts),
+        file.kind,
+        file.bytes,
+        made.applied.dialect.name,
+        made.frame,
+        points,
+        {reason: number for reason, number in left_out.items() if number},
+        made.lasers,
+        rate,
+        float(np.median(np.concatenate(residuals))),
+        dict(file.lost),
+    )
+
+
+_OFF_CONE = "lie on the cone of no laser"
+_NO_TICK = "have a distance that the scanner cannot measure"
+
+
+def _kept(
+    block: PointBlock, kept: NDArray[np.bool_], reason: str, left_out: Counter[str]
+) -> PointBlock:
+    """Rows of a block; the others are counted."""
+    left_out[reason] += int(np.count_nonzero(~kept))
+    return block if kept.all() else block[kept]
+
+
+def _scanner(file: CloudFile, stated: str | Scanner | None) -> Scanner:
+    """Scanner that is stated, or that the file names."""
+    said = file.origin.scanner if file.origin else None
+    if stated is None:
+        if said is None:
+            raise ConfigError(
+                "does not say which scanner measured it",
+                where=str(file.path),
+                hint="Name the scanner.",
+            )
+        return scanner_named(said, where=str(file.path))
+    known = scanner_named(stated, where="scanner") if isinstance(stated, str) else stated
+    if said is not None and said != known.name:
+        raise ConfigError(
+            f"was made of a recording of {said}, not of {known.name}",
+            where=str(file.path),
+            allowed=said,
+        )
+    return known
+
+
+def _how(
+    file: CloudFile,
+    scanner: Scanner,
+    numbers: CalibrationFile | LaserParameters,
+    dialect: str | None,
+    frame: str | None,
+    rate_hz: float | None,
+) -> tuple[_Made, str]:
+    """How the points were made, and where the rotation rate comes from."""
+    where, origin = str(file.path), file.origin
+    parameters = numbers if isinstance(numbers, LaserParameters) else numbers.parameters
+    name = dialect or (origin.dialect if origin else None)
+    if name is None:
+        raise ConfigError(
+            "does not say which program computed its points",
+            where=where,
+            allowed=", ".join(DIALECTS),
+            hint="Name the program (`dialect`); docs/dialects.md describes them.",
+        )
+    program = dialect_named(name, where="dialect")
+    if len(parameters) != scanner.n_lasers:
+        raise ConfigError(
+            f"the calibration has {len(parameters)} lasers, {scanner.name} has {scanner.n_lasers}",
+            where=where,
+        )
+    if origin is not None:
+        for what, stated, said in (
+            ("dialect", name, origin.dialect),
+            ("frame", frame or origin.frame, origin.frame),
+            ("calibration", digest(parameters), origin.parameters),
+        ):
+            if stated != said:
+                raise ConfigError(
+                    f"its points were made with another {what}: {said}, not {stated}",
+                    where=where,
+                    hint="Give what `velocal points` was given when it wrote the file.",
+                )
+    axes = frame or (origin.frame if origin else file.frame) or program.frame
+    if axes not in FRAMES:
+        raise ConfigError(f"unknown frame {axes!r}", where="frame", allowed=", ".join(FRAMES))
+    rate, source = _rate(file, axes, rate_hz)
+    # `velocal points` leaves the rounding out.
+    made = _Made(AppliedCalibration(program, parameters, scanner, rate), axes, origin is None)
+    return made, f"{rate:.3f} Hz ({source})"
+
+
+def _rate(file: CloudFile, frame: str, stated: float | None) -> tuple[float, str]:
+    """Rotation rate, and where it comes from."""
+    if stated is not None:
+        return stated, "as stated"
+    if file.origin is not None:
+        return file.origin.rotation_rate_hz, "as the file says"
+    found = [_rate_of(block, frame) for block in file.blocks()]
+    measured = [rate for rate in found if _RATES_HZ[0] < rate < _RATES_HZ[1]]
+    if measured:
+        return float(np.median(measured)), "of the times of points"
+    intervals = np.diff(file.stamps_s)
+    file.stamps_s.clear()
+    file.lost.clear()  # the blocks are read again
+    if len(intervals) and intervals.min() > 0:
+        by_stamps = float(1.0 / np.median(intervals))
+        if _RATES_HZ[0] < by_stamps < _RATES_HZ[1]:
+            return by_stamps, "of the times of messages"
+    return _USUAL_RATE_HZ, "taken as usual, as the file has no times"
+
+
+def _rate_of(block: PointBlock, frame: str) -> float:
+    """Rotations per second by azimuth against time; NaN if it is not seen."""
+    if block.time_s is None:
+        return float("nan")
+    chosen = np.isfinite(block.xyz).all(axis=1) & np.isfinite(block.time_s)
+    if block.laser is not None and chosen.any():
+        number = np.bincount(block.laser[chosen]).argmax()
+        chosen &= block.laser == number
+    rows = np.flatnonzero(chosen)[:_SOME]
+    time = block.time_s[rows]
+    order = np.argsort(time, kind="stable")
+    time = time[order] - time.min(initial=np.inf) if len(time) else time
+    if len(rows) < 10 or np.ptp(time) <= 0:
+        return float("nan")
+    x, y = block.xyz[rows[order], :2].T
+    azimuth = np.unwrap(np.arctan2(x, y) if frame == "velocal" else np.arctan2(-y, x))
+    return float(np.polyfit(time, azimuth, 1)[0] / (2.0 * np.pi))
+
+
+def _with_lasers(made: _Made, block: PointBlock, where: str) -> _Made:
+    """Find out how a file numbers its lasers: the way in which points lie on their cones."""
+    applied, n = made.applied, made.applied.scanner.n_lasers
+    if block.laser is None:
+        return replace(made, lasers="found by the order or the elevation of the points")
+    if block.laser.max() >= n:
+        raise RecordingError(
+            f"field {block.laser_field!r}: laser {block.laser.max()}",
+            where=where,
+            allowed=f"0 to {n - 1} of an {applied.scanner.name}",
+            hint="Is this the cloud of another scanner?",
+        )
+    rows = np.linspace(0, len(block) - 1, min(len(block), _SOME)).astype(np.int64)
+    xyz, number = made.turned(block.xyz[rows]), block.laser[rows]
+    found = {
+        name: float(np.median(_off(applied, xyz, laser_of[number], made.rounded)))
+        for name, laser_of in rings.orders(applied.parameters.v).items()
+    }
+    best = min(found, key=lambda name: found[name])
+    return replace(
+        made,
+        laser_of=rings.orders(applied.parameters.v)[best],
+        lasers=f"by the field {block.laser_field!r}, numbered {best}",
+    )
+
+
+def _off(applied: AppliedCalibration, xyz: Array, laser: NDArray[np.int64], rounded: bool) -> Array:
+    """Distance of points from the cone of a laser; infinite where there is no raw value."""
+    return np.nan_to_num(applied.raw(xyz, laser, rounded=rounded).residual_m, nan=np.inf)
+
+
+def _returns(made: _Made, block: PointBlock, left_out: Counter[str]) -> tuple[Returns, Array]:
+    """Returns of a block, and how far its points are from the cones of their lasers."""
+    scanner, xyz = made.applied.scanner, made.turned(block.xyz)
+    if block.laser is None or made.laser_of is None:
+        by_turn = rings.lasers_of_rings(rings.rings_by_turns(xyz), xyz, made.applied.parameters)
+        laser = rings.nearest_lasers(xyz, made.applied.model) if by_turn is None else by_turn
+    elif block.laser.max() < len(made.laser_of):
+        laser = made.laser_of[block.laser]
+    else:
+        raise RecordingError(
+            f"laser {block.laser.max()}",
+            where=block.laser_field,
+            allowed=f"up to {len(made.laser_of) - 1}",
+        )
+    raw = made.applied.raw(xyz, laser, rounded=made.rounded)
+    range_m = np.sqrt((xyz**2).sum(axis=1))
+    on_cone = raw.residual_m <= _NEAR_M + _NEAR_RAD * range_m
+    ticks = np.rint(np.where(on_cone, raw.distance_m, 0.0) / scanner.distance_tick_m)
+    possible = (ticks >= 1) & (ticks <= np.iinfo(np.uint16).max)
+    left_out[_OFF_CONE] += int(np.count_nonzero(~on_cone))
+    left_out[_NO_TICK] += int(np.count_nonzero(on_cone & ~possible))
+    kept = on_cone & possible
+    azimuth = np.rint(raw.azimuth[kept] / _TICK_RAD).astype(np.int64) % AZIMUTH_TICKS
+    time = np.zeros(len(block)) if block.time_s is None else np.nan_to_num(block.time_s)
+    columns = {
+        "rotation": block.rotation[kept],
+        "timestamp": np.mod(np.rint(time[kept] * 1e6), _HOUR_US).astype(np.int64),
+        "azimuth": azimuth,
+        "laser_id": laser[kept],
+        "distance": ticks[kept].astype(np.int64),
+        "intensity": block.intensity[kept].astype(np.int64),
+    }
+    return whole_firings(columns, scanner, made.applied.rate_hz), raw.residual_m[kept]
+
+
+def _no_such_points(made: _Made, points: int, used: int, where: str) -> RecordingError:
+    """Error for a cloud whose points cannot have been made as it is said."""
+    applied = made.applied
+    return RecordingError(
+        f"{used} of {points} points lie on the cones of the lasers of an {applied.scanner.name} as "
+        f"{applied.dialect.name} computes them with this calibration and the axes of {made.frame}",
+        where=where,
+        allowed="more than half of them",
+        hint="Give the program, the calibration and the axes with which the points were made. "
+        "Points that were moved into another frame, or corrected for motion, cannot be used.",
+    )

@@ -14,8 +14,6 @@
 #       survey, or of a recording against it, stops the run here
 #       {results}/survey/checks_planes.csv   what every sample says of every plane
 
-from velocal.errors import visible
-from velocal.survey.checks.findings import read_findings
 
 SURVEY, OBSERVATIONS = STUDY.coordinates, STUDY.observations
 SURVEY_FILES = [f"{RESULTS}/survey/network.svg"] if STUDY.observations else []
@@ -73,12 +71,6 @@ rule adjust_survey:
         names=lambda wildcards: list(STUDY.assignment.planes),
     script:
         "../../scripts/adjust_survey.py"
-
-
-# The last lines of a run repeat what the top of the report says.
-onsuccess:
-    for warning in read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []:
-        print(visible(f"Warning: {warning}"))
 
 
 # A checkpoint, for the jobs that wait for it: see `after_checks`.

@@ -84,7 +84,9 @@ def main(arguments: Sequence[str]) -> None:
         print(f"{name}: {time.monotonic() - started:.0f} s", flush=True)
         found.append(digests(place / "results"))
     different = sorted(
-        name for name in found[0].keys() | found[1].keys() if found[0].get(name) != found[1].get(name)
+        name
+        for name in found[0].keys() | found[1].keys()
+        if found[0].get(name) != found[1].get(name)
     )
     print(f"{len(found[0])} files, {len(different)} differ", *different, sep="\n")
     if not chosen.keep:

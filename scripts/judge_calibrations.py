@@ -11,13 +11,15 @@ from velocal.io.scripts import run
 def main(*, units: list[Path], report: Path, verdicts: Path, names: list[str]) -> None:
     """Write what was held out says of every calibration; `names` are those of the files.
 
-    The report is written before, so that it is there when this fails.
+    The report is written before, so that it is there when this fails. The last line is what a run
+    says at its end.
     """
     found = {
         name: from_plain(JudgedCalibration, storage.read_json(path), str(path))
         for name, path in zip(names, units, strict=True)
     }
-    storage.write_text(verdicts, f"{judge(found)}\nThe report is {report.name}.\n")
+    said = "; ".join(f"{name} is {each.headline}" for name, each in found.items())
+    storage.write_text(verdicts, f"{judge(found)}\nThe report is {report}: {said}.\n")
 
 
 if "snakemake" in globals():

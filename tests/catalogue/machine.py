@@ -133,7 +133,6 @@ _REFUSED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "init: a file in place of the folder": (_recording, ("init", "a.pcap")),
     "init: a study is there already": (_text("config.yaml", "study: a\n"), ("init", ".")),
-    "init: no workflow in the checkout": (_recording, ("init", "b", "--checkout", ".")),
     "recording: a link to itself": (
         lambda folder: (folder / "a.pcap").symlink_to("a.pcap"),
         ("inspect", "a.pcap", "--json"),

@@ -28,7 +28,7 @@ PLANES, BASE, SITE, SAMPLES, CONFIG = (
 
 def sound(folder: Path) -> None:
     """Write the folder of `velocal init` with a survey; its captures are empty files."""
-    write_study(folder, SCANNERS[SCANNER], 2, ROOT / "workflow/Snakefile")
+    write_study(folder, SCANNERS[SCANNER], 2)
     for number in (1, 2):
         (folder / f"captures/sample{number}.pcap").touch()
     rows = {

@@ -7,13 +7,18 @@ import pytest
 from typer.testing import CliRunner
 
 from velocal.cli import app
+from velocal.errors import ConfigError
+from velocal.recording.recording import open_recording
 from velocal.reduction.assignment import Limits
 from velocal.scanner.models import SCANNERS
+from velocal.study import shipped as shipped_files
 from velocal.study.adjustment import Adjustment
 from velocal.study.config import StudyConfig
+from velocal.study.files import check_files
 from velocal.study.reading import read_yaml
 from velocal.study.schema import keys
 from velocal.study.study import read_study
+from velocal.survey.files import check_survey
 from velocal.survey.targets import read_targets
 
 GROUPS = {"planes": "plane", "base_scanner": "scanner", "base_field": "position"}
@@ -144,10 +149,34 @@ def test_nothing_is_overwritten(tmp_path):
     ("arguments", "message"),
     [
         (["--scanner", "HDL-65"], "allowed: HDL-64E"),
-        (["--checkout", "nowhere"], "no workflow at"),
+        (["--example", "--scanner", "HDL-64E"], "a scanner, captures and a survey of its own"),
     ],
 )
 def test_wrong_calls(arguments, message, tmp_path):
     done = init(tmp_path / "s", *arguments)
     assert message in str(done.exception)
     assert not (tmp_path / "s").exists()
+
+
+def test_the_example_is_a_valid_study(tmp_path, monkeypatch):
+    done = init(tmp_path / "e", "--example")
+    assert done.exit_code == 0, done.output
+    assert "SIMULATED" in done.output
+    monkeypatch.chdir(tmp_path / "e")
+    study = read_study(read_yaml(tmp_path / "e/config.yaml"), "config")
+    check_files(study, "config")
+    check_survey(study)
+    assert "simulated" in study.config.study
+    assert len(study.positions) == 2
+    files = [path for path in (tmp_path / "e").rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 5e6
+    for sample in study.surveyed.values():
+        found = open_recording(sample.recording, sample.scanner).scan()
+        assert found.ledger.unaccounted_bytes == 0
+        assert not found.ledger.rejected
+
+
+def test_a_file_that_was_not_installed(monkeypatch):
+    monkeypatch.setattr(shipped_files, "PLACES", ())
+    with pytest.raises(ConfigError, match="Hint: The installation is not complete"):
+        shipped_files.shipped("workflow/Snakefile")

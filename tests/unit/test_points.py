@@ -282,7 +282,7 @@ def test_nothing_is_left_of_a_file_that_failed(tmp_path):
 def test_las_without_laspy_is_one_clear_message(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "laspy", None)
     with (
-        pytest.raises(ConfigError, match=r"velocal\[las\]"),
+        pytest.raises(ConfigError, match=r"laspy\[lazrs\]"),
         cloud_writer(tmp_path / "x.laz", shift=False, facts={}),
     ):
         pass

@@ -207,7 +207,7 @@ def test_a_simulated_recording_that_no_rule_makes(root, config, tmp_path):
 @pytest.fixture
 def own(root, tmp_path, monkeypatch):
     """A study as `velocal init` leaves it, with the capture and the factory's file in place."""
-    write_study(tmp_path, SCANNERS["HDL-64E"], 1, root / "workflow/Snakefile")
+    write_study(tmp_path, SCANNERS["HDL-64E"], 1)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "captures/sample1.pcap").touch()
     (tmp_path / "factory.xml").touch()

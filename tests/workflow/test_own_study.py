@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from support.capture import pcap_head, pcap_packet
 from support.chain import study_world
-from support.running import ROOT, completed, environment, snakemake, velocal_run
+from support.running import completed, environment, snakemake, velocal_run
 
 from velocal.calibration.files import formats
 from velocal.recording.scan import inspect
@@ -32,7 +32,7 @@ SCANNER, POSITION, ROTATIONS = "HDL-32E", "P5", 12
 
 
 def velocal_init(folder, *arguments):
-    command = [sys.executable, "-m", "velocal.cli", "init", str(folder), "--checkout", str(ROOT)]
+    command = [sys.executable, "-m", "velocal.cli", "init", str(folder)]
     done = subprocess.run([*command, *arguments], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from support.capture import pcap_head, pcap_packet
 from support.chain import study_world
-from support.running import ROOT, snakemake
+from support.running import snakemake
 
 from velocal.calibration.files import formats
 from velocal.scanner.models import scanner_named
@@ -33,7 +33,7 @@ def finished(tmp_path_factory):
     recording.write_bytes(pcap_head() + b"".join(packets))
     first = subprocess.run(
         [sys.executable, "-m", "velocal.cli", "init", folder, "--scanner", SCANNER,
-         "--recording", recording, "--checkout", ROOT],
+         "--recording", recording],
         capture_output=True, text=True,
     )  # fmt: skip
     assert first.returncode == 0, first.stderr

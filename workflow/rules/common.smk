@@ -5,7 +5,7 @@
 import os
 from pathlib import Path
 
-from velocal.errors import VelocalError
+from velocal.errors import VelocalError, visible
 from velocal.io import run_lock
 from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
@@ -13,6 +13,7 @@ from velocal.study.files import check_files, check_times
 from velocal.study.samples import NOMINAL
 from velocal.study.study import read_study
 from velocal.study.windows import MAX_MISSING, WHOLE, WINDOWS
+from velocal.survey.checks.findings import read_findings
 from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
@@ -212,3 +213,15 @@ def adjustments_drawn(figure):
             )
         found += [(name, path) for path in paths]
     return found
+
+
+def last_words():
+    """What a run says at its end: the warnings at the top of the report, and where that is."""
+    warnings = read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []
+    said = [visible(f"Warning: {warning}") for warning in warnings]
+    if not workflow.dag_settings.targets - {"all", "default"}:
+        place = f"The report is {RESULTS}/report.html."
+        # The last line of the verdicts also says what each calibration is worth.
+        text = Path(VERDICTS).read_text("utf-8") if VERDICTS else place
+        said.append(text.splitlines()[-1])
+    return said

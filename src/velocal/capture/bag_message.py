@@ -72,7 +72,7 @@ def missing_package(compression: str) -> RecordingError:
     """Error for a compression whose package is not installed."""
     return RecordingError(
         f"is a ROS bag compressed with {compression}, which needs another package",
-        hint="Install it with `pip install 'velocal[ros]'`.",
+        hint="Install it with `pip install rosbags`, which brings it.",
     )
 
 

@@ -53,18 +53,24 @@ def main() -> None:
 
 
 def _show_version(wanted: bool) -> None:
-    """Print the version and end, if that is asked for."""
+    """Print the versions and end, if that is asked for."""
     if wanted:
         from velocal import __version__
+        from velocal.io.commit import commit
+        from velocal.io.provenance import versions
 
-        print(f"velocal {__version__}")
+        print("\n".join([f"velocal {__version__}", f"commit {commit()}"]))
+        for name, version in versions().items():
+            if name != "velocal":
+                print(f"{name} {version}")
         raise typer.Exit
 
 
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show version.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show versions."),
     ] = False,
 ) -> None:
     """Calibrate Velodyne laser scanners against surveyed planes."""

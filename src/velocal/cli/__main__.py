@@ -1,4 +1,4 @@
-"""`python -m velocal.cli` is the same as `velocal`."""
+"""`python -m velocal.cli` is the same as `velocal` and `python -m velocal`."""
 
 from velocal.cli import main
 

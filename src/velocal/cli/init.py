@@ -8,17 +8,23 @@ from typing import Annotated
 import typer
 
 from velocal.cli.common import say
+from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 
-#: Holds `workflow/` where velocal was installed from a checkout, as `make` does.
-CHECKOUT = Path(__file__).parents[3]
+#: Scanner of a study where none is named.
+SCANNER = "HDL-64E"
 
 
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the new study.")],
     scanner: Annotated[
-        str, typer.Option("--scanner", help=f"One of {', '.join(SCANNERS)}.")
-    ] = "HDL-64E",
+        str | None,
+        typer.Option(
+            "--scanner",
+            help=f"One of {', '.join(SCANNERS)}. {SCANNER} if left out.",
+            show_default=False,
+        ),
+    ] = None,
     positions: Annotated[
         int, typer.Option(min=1, max=99, help="Surveyed positions, one recording each.")
     ] = 2,
@@ -36,19 +42,40 @@ def init(
             show_default=False,
         ),
     ] = None,
-    checkout: Annotated[
-        Path, typer.Option(help="Checkout of velocal that holds the workflow.", show_default=False)
-    ] = CHECKOUT,
+    example: Annotated[
+        bool,
+        typer.Option("--example", help="Write a small complete study of SIMULATED captures."),
+    ] = False,
 ) -> None:
     """Write a ready folder for your own study: configuration, sample table, survey templates.
 
     With --recording or --no-survey the study has no survey: planes are found in the recordings.
+    With --example nothing has to be filled in: the folder contains simulated captures, their
+    survey and a factory's file, and takes less than 5 MB.
     """
     from velocal.study.template import CAPTURES, FACTORY, write_study
 
-    known = scanner_named(scanner, where="--scanner")
+    if example:
+        if recording or scanner or not survey:
+            raise ConfigError(
+                "the example has a scanner, captures and a survey of its own",
+                where="--example",
+                hint="Leave out --scanner, --recording and --no-survey, or --example.",
+            )
+        from velocal.simulation.example import write_example  # only here, as it takes a second
+
+        for path in write_example(folder):
+            say(f"wrote {path}")
+        say(
+            f"""
+The captures, the survey and the factory's file are SIMULATED; docs/tutorial.md explains them.
+Next: cd {folder} && velocal run --cores 2
+The report will be {folder / "results/report.html"}."""
+        )
+        return
+    known = scanner_named(scanner or SCANNER, where="--scanner")
     captures = recording or ([] if not survey else None)
-    for path in write_study(folder, known, positions, checkout / "workflow/Snakefile", captures):
+    for path in write_study(folder, known, positions, captures):
         say(f"wrote {path}")
     if captures is not None:
         say(_unsurveyed(folder, known, bool(captures)))

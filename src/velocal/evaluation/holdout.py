@@ -154,6 +154,17 @@ class JudgedCalibration:
         """Whether files for programs contain the adjusted values, not those of the factory."""
         return self.hold_out.verdict is Verdict.BETTER
 
+    @property
+    def headline(self) -> str:
+        """Verdict in a few words: what the end of a run says."""
+        total = self.hold_out.total
+        numbers = (
+            f" (root mean square {total.before_m * 100:.2f} -> {total.after_m * 100:.2f} cm)"
+            if total
+            else ""
+        )
+        return f"{self.hold_out.verdict.value} on what was held out{numbers}"
+
     def summary(self) -> str:
         """Describe the calibration and its hold-out in a few lines for people."""
         lines = [self.unit.calibration.summary()]

@@ -166,6 +166,12 @@ def library_digest(script: Path) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the distributions that can change a result."""
-    return {"python": platform.python_version()} | {
-        name: metadata.version(name) for name in NUMERICAL
-    }
+    return {"python": platform.python_version()} | {name: _version(name) for name in NUMERICAL}
+
+
+def _version(distribution: str) -> str:
+    """Version of a distribution, without importing it."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "not installed"

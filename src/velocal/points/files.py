@@ -146,7 +146,7 @@ def _las(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iterator
             "LAZ needs the package lazrs, which is not installed",
             where=str(path),
             allowed=".las, which is not compressed",
-            hint="Install it: pip install 'velocal[las]'",
+            hint="Install it: pip install 'laspy[lazrs]'",
         )
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = np.full(3, LAS_SCALE_M), np.zeros(3)
@@ -186,7 +186,7 @@ def _laspy(path: Path) -> Any:
             f"{path.suffix} needs the package laspy, which is not installed",
             where=str(path),
             allowed=".ply, .pcd, .parquet",
-            hint="Install it: pip install 'velocal[las]'",
+            hint="Install it: pip install 'laspy[lazrs]'",
         ) from None
     return laspy
 

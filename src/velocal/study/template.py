@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -24,7 +24,6 @@ def write_study(
     folder: Path,
     scanner: Scanner,
     positions: int,
-    workflow: Path,
     recordings: Sequence[Path] | None = None,
 ) -> list[Path]:
     """Write the files of a study, none of which may exist.
@@ -36,8 +35,6 @@ def write_study(
     scanner : Scanner
     positions : int
         Surveyed positions of the scanner, one recording each.
-    workflow : Path
-        Snakefile of the workflow.
     recordings : sequence of Path, optional
         Captures of a study without a survey; where none is given, its table names `positions`
         captures that are still to be recorded. If left out, the study has a survey.
@@ -50,23 +47,16 @@ def write_study(
     Raises
     ------
     ConfigError
-        If a file exists, or the workflow or a recording does not.
+        If a file exists, or a recording does not.
     """
     for path in recordings or ():
         if not path.is_file():
             raise ConfigError(
                 "there is no such file", where=str(path), hint="Name a capture with --recording."
             )
-    if not workflow.is_file():
-        raise ConfigError(
-            f"there is no workflow at {str(workflow)!r}",
-            hint="Name the checkout of velocal with --checkout.",
-        )
     samples = [f"sample{number + 1}" for number in range(len(recordings or ()) or positions)]
     captures = [str(path.resolve()) for path in recordings or ()]
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     values = {
-        "workflow": json.dumps(str(workflow.resolve())),
         "scanner": scanner.name,
         "scanners": ", ".join(SCANNERS),
         "origin_height_m": scanner.origin_height_m,
@@ -79,6 +69,32 @@ def write_study(
         "calibration": FACTORY if scanner.has_factory_file else "nominal",
     }
     kind = "surveyed" if recordings is None else "unsurveyed"
+    return write_templates(folder, kind, values)
+
+
+def write_templates(folder: Path, kind: str, values: Mapping[str, Any]) -> list[Path]:
+    """Write the templates that every study has and those of one kind, and make `CAPTURES`.
+
+    Parameters
+    ----------
+    folder : Path
+        Is made where it does not exist.
+    kind : str
+        Folder of templates in `data`.
+    values : mapping
+        Names that the templates use.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    ConfigError
+        If one of the files exists.
+    """
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     data = resources.files("velocal.study") / "data"
     texts = {
         folder / name: environment.from_string(source.read_text("utf-8")).render(values)

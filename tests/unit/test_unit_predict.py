@@ -58,8 +58,6 @@ def test_agrees_with_the_adjustment(stations):
     planned = predict_unit(expected, factory, settings, UnitSizes.of(stated))
     ratio = np.median(std_of(planned) / std_of(stated), axis=0)
     assert np.all(np.abs(ratio - 1.0) < WITHIN)
-    # Nothing is corrected, as the expected distances are those of the factory's parameters.
-    assert np.abs(planned.calibration.corrections).max() < 1e-12
 
 
 @pytest.fixture
@@ -80,8 +78,7 @@ def population(monkeypatch):
 
 def test_the_expected_likelihood_is_largest_at_the_truth(population):
     population, sums = population
-    at = population.posterior(sums, population.true_log)
-    own, common = at.second_moments
+    own, common = population.posterior(sums, population.true_log).second_moments
     # What is learnt from data agrees with the truth on average, whichever unknown it is.
     assert np.allclose(own, 1.0, atol=1e-6)
     assert np.allclose(common, 1.0, atol=1e-6)
@@ -102,10 +99,20 @@ def test_gradient_is_the_derivative_of_the_expected_likelihood(population):
     assert np.allclose(gradient, np.array(numeric) / (2.0 * step), atol=1e-3)
 
 
+def test_without_means_nothing_is_corrected():
+    _, expected, factory, settings = unit_of(1, 40)
+    planned = predict_unit(expected, factory, settings, SIZES)
+    assert np.abs(planned.calibration.corrections).max() < 1e-12
+    moved = predict_unit(expected, factory, settings, replace(SIZES, mean={"dl": 0.02}))
+    # One station knows the mean of dl to some millimetres.
+    assert np.allclose(moved.calibration.corrections[:, 0], 0.02, atol=0.005)
+
+
 def test_sizes_that_must_be_learnt_make_the_statement_wider():
     _, expected, factory, settings = unit_of(1, 10)
     learnt = predict_unit(expected, factory, settings, SIZES)
-    given = predict_unit(expected, factory, settings, replace(SIZES, found=True))
+    exactly = {name: (x, x) for name, x in SIZES.spread.items()}
+    given = predict_unit(expected, factory, settings, replace(SIZES, found=exactly))
     assert np.median(std_of(learnt)[:, 2]) > np.median(std_of(given)[:, 2])
 
 

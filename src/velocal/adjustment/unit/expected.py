@@ -18,21 +18,21 @@ from velocal.arrays import Array
 class ExpectedPosterior(Posterior):
     """Posterior of the unknowns, with the likelihood that is expected of data to be measured.
 
-    The sums must have ``x = 0`` and ``b = 0``: all unknowns are expected to be zero. What a
-    standard deviation is learnt from, the squares of the sums, have the expected values that
-    follow from the standard deviations of `truth`.
+    The sums have the expected values of ``x`` and ``b``. What a standard deviation is learnt from,
+    the squares of the sums, contain in addition what follows from the standard deviations of
+    `truth`.
 
     Attributes
     ----------
     truth : Posterior
-        Its standard deviations are those of the unknowns.
+        Its standard deviations are those of the unknowns about their expected values.
 
     Notes
     -----
     S, C and D are `Sums.xx`, `Sums.xb` and `Sums.bb`; R0^2 and P0 the true variances of the random
     and of the common unknowns; ``L = R (I + R S R)^-1 R``, ``H = D - sum C' L C`` and
     ``J = C' - C' L S``. With x and b the sums of a laser and of all lasers, and
-    ``r = b - sum C' L x``, the right side of the common unknowns::
+    ``r = b - sum C' L x``, the right side of the common unknowns, less their expected values::
 
         E[x x'] = S R0^2 S + C P0 C' + S
         E[x r'] = C P0 H + S R0^2 J' + J'

@@ -8,26 +8,30 @@ given, the same equations state the covariance beforehand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from velocal.adjustment.unit.adjust import checked
 from velocal.adjustment.unit.assemble import assemble
+from velocal.adjustment.unit.describe import Description
 from velocal.adjustment.unit.expected import ExpectedPopulation
 from velocal.adjustment.unit.model import UNKNOWNS, about_scanner, linearise
 from velocal.adjustment.unit.noise import Noise
-from velocal.adjustment.unit.population import Population, find_mode, integrate
+from velocal.adjustment.unit.population import Integrated, find_mode, integrate
 from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
-from velocal.adjustment.unit.stage import make_stage
+from velocal.adjustment.unit.stage import Stage, make_stage
 from velocal.adjustment.unit.station import UnitStation, azimuth_bins
 from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
 
-#: Weights of the quantiles of 5, 50 and 95 % in the mean of a distribution (Pearson and Tukey).
-_SHARES = np.array([0.185, 0.63, 0.185])
+#: Quantile of 95 % of a normal distribution.
+_NORMAL_95 = 1.644854
+#: Places, in standard deviations, and weights of the average over a normal distribution (Gauss and
+#: Hermite).
+_PLACES, _WEIGHTS = np.sqrt(3.0) * np.array([0.0, 1.0, -1.0]), np.array([4.0, 1.0, 1.0]) / 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,38 +48,40 @@ class UnitSizes:
         Standard deviations of the pattern along azimuth, and of one observation.
     length_rad : float
         Correlation length of the pattern.
-    found : bool
-        Whether an adjustment has found the spreads. If not, they are the truth that the adjustment
-        has to learn from its data, and the uncertainty of that is part of what it will state.
+    found : mapping of str to (float, float), or None
+        Quantiles of 5 and 95 % of every spread, where an adjustment has found them; their medians
+        are in `spread`. If None, the spreads are the truth that the adjustment has to learn from
+        its data, and the uncertainty of that is part of what it will state.
+    mean : mapping of str to float
+        Means of the corrections of ``dl``, ``alpha`` and ``v`` over the lasers, as the data and the
+        survey will show them; 0 where not given. How much of a mean is believed depends on it.
     """
 
     spread: Mapping[str, float]
     tau_m: Array
     omega_m: Array
     length_rad: float
-    found: bool = False
+    found: Mapping[str, tuple[float, float]] | None = None
+    mean: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, unit: UnitCalibration) -> UnitSizes:
-        """Take the sizes that an adjustment has found; the median where a laser saw nothing.
-
-        A spread that is not known exactly stands for its root mean square, since the adjustment
-        averages variances. The mean of the squares follows from their quantiles by the rule of
-        Pearson and Tukey (1965).
-        """
-        spread = {
-            one.name.removeprefix("sigma_"): float(
-                np.sqrt(_SHARES @ np.square([one.low, one.value, one.high]))
-            )
+        """Take the sizes that an adjustment has found; the median where a laser saw nothing."""
+        parts = {
+            "scale" if one.name == "sigma_far" else one.name.removeprefix("sigma_"): one
             for one in unit.population
         }
-        spread["scale"] = spread.pop("far", spread.get("scale", 0.0))
         tau, omega = (
             np.where(np.isfinite(each), each, np.nanmedian(each))
             for each in (unit.noise.tau, unit.noise.omega)
         )
         return cls(
-            spread=spread, tau_m=tau, omega_m=omega, length_rad=unit.noise.length_rad, found=True
+            spread={name: one.value for name, one in parts.items()},
+            tau_m=tau,
+            omega_m=omega,
+            length_rad=unit.noise.length_rad,
+            found={name: (one.low, one.high) for name, one in parts.items()},
+            mean={one.name: one.by_survey for one in unit.common},
         )
 
 
@@ -90,8 +96,8 @@ def predict_unit(
     Parameters
     ----------
     stations : sequence of UnitStation
-        With the observations that are expected. They must agree with `factory` and the planes: the
-        misclosures are zero, and so are the corrections of the result.
+        With the observations that are expected. They must agree with `factory` and the planes, so
+        that the misclosures are zero.
     factory : LaserParameters
         Parameters that will be corrected.
     settings : UnitSettings
@@ -104,7 +110,7 @@ def predict_unit(
     -------
     UnitCalibration
         As of `adjust_unit`: its covariances, the shares that the data decide, and the parameters
-        that will be held. All corrections are zero, except for rounding.
+        that will be held. The corrections are the part of the means that is believed.
 
     Raises
     ------
@@ -116,6 +122,7 @@ def predict_unit(
     shape = len(factory), len(stations)
     bins = azimuth_bins(stations, factory, settings.azimuth_bin_rad)
     at = linearise(bins, factory, np.zeros((len(factory), len(UNKNOWNS))), settings.far_point_m)
+    at = replace(at, z=at.matrix @ [sizes.mean.get(name, 0.0) for name in UNKNOWNS])
     noise = Noise(
         np.broadcast_to(sizes.tau_m, shape).ravel(),
         np.broadcast_to(sizes.omega_m, shape).ravel(),
@@ -132,10 +139,31 @@ def predict_unit(
             allowed="a standard deviation above 0 of each",
         )
     true_log = np.log([sizes.spread[name] for name in learnt])
-    population: Population = stage.population
-    mode, points = true_log, 1
-    if not sizes.found:
-        population = ExpectedPopulation(**vars(population), true_log=true_log)
-        mode, points = find_mode(population, stage.sums, true_log), settings.integration_points
-    found = integrate(population, stage.sums, mode, points, stage.describe)
-    return assemble(stations, factory, settings, stage, found)
+    if sizes.found is None:
+        population = ExpectedPopulation(**vars(stage.population), true_log=true_log)
+        mode = find_mode(population, stage.sums, true_log)
+        points = settings.integration_points
+        integrated = integrate(population, stage.sums, mode, points, stage.describe)
+    else:
+        low, high = np.log([sizes.found[name] for name in learnt]).reshape(-1, 2).T
+        integrated = _averaged(stage, true_log, low, high)
+    return assemble(stations, factory, settings, stage, integrated)
+
+
+def _averaged(stage: Stage, middle: Array, low: Array, high: Array) -> Integrated[Description]:
+    """Average over the distribution of the sizes, of which quantiles of 50, 5 and 95 % are known.
+
+    Parameters
+    ----------
+    stage : Stage
+    middle, low, high : ndarray, shape (learnt,)
+        Logarithms; they are taken as normal, with another standard deviation to either side.
+    """
+    logs, described = [], []
+    for place in _PLACES:
+        step = high - middle if place > 0.0 else middle - low
+        logs.append(middle + place / _NORMAL_95 * step)
+        posterior = stage.population.posterior(stage.sums, logs[-1])
+        described.append(stage.describe(posterior, stage.population.values(logs[-1])))
+    n = len(middle)
+    return Integrated(np.stack(logs), _WEIGHTS, np.zeros((n, n)), tuple(described))

@@ -53,7 +53,7 @@ def std_of(unit):
 
 @pytest.mark.parametrize("stations", [1, 2])
 def test_agrees_with_the_adjustment(stations):
-    measured, expected, factory, settings = unit_of(stations, 2)
+    measured, expected, factory, settings = unit_of(stations, 4)
     stated = adjust_unit(measured, factory, settings)
     planned = predict_unit(expected, factory, settings, UnitSizes.of(stated))
     ratio = np.median(std_of(planned) / std_of(stated), axis=0)

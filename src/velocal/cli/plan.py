@@ -221,7 +221,7 @@ def _print(task: PlanTask, base: Plan, judged: tuple[Judged, ...]) -> None:
         "parameter",
         "median",
         "worst",
-        "laser",
+        "laser id",
         "weakly determined",
         "stays with factory",
     ):
@@ -245,7 +245,7 @@ def _print(task: PlanTask, base: Plan, judged: tuple[Judged, ...]) -> None:
                 escape(station.name), escape(plane), str((of_plane > 0).sum()), str(of_plane.sum())
             )
     console.print(met)
-    say(f"Lasers that meet no plane: {_lasers(base.unobserved.tolist())}")
+    say(f"Ids of lasers that meet no plane: {_lasers(base.unobserved.tolist())}")
     say(f"A point at {at:g} m: {1e3 * base.point_std_m:.1f} mm (root mean square over all lasers)")
     if not judged:
         return

@@ -198,11 +198,16 @@ FAULTS = {
     "no station": ({"stations": {}, "candidates": {}}, "Give stations, candidates or both"),
     "upside down": (
         {"walls": {"w": {"from_m": [0, 0], "to_m": [1, 0], "top_m": -1.0}}},
-        "more than 0",
+        "0.1 or more",
     ),
+    "far away": ({"stations": {"P": {"x_m": 1e6, "y_m": 0.0, "height_m": 1.0}}}, "10000"),
     "line": (
         {"surfaces": {"s": {"corners_m": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}}},
         "Give corners that span a surface",
+    ),
+    "bent": (
+        {"surfaces": {"s": {"corners_m": [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 1]]}}},
+        "m beside the plane of the others",
     ),
     "twice": ({"candidates": {"P1": CONTENT["stations"]["P1"]}}, "'P1' occurs twice"),
     "text": ({"recordings": "two"}, "recordings: 'two'"),

@@ -5,6 +5,7 @@ Coordinates are those of the site frame: X and Y level, Z up. `velocal plan` rea
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -13,12 +14,8 @@ from pydantic import AfterValidator, Field, model_validator
 from velocal.errors import ConfigError
 from velocal.io import yaml_text
 from velocal.study.model import (
-    Count,
     Name,
-    NotNegative,
-    Pair,
     Placeholder,
-    Positive,
     ScannerName,
     Section,
     Text,
@@ -28,36 +25,56 @@ from velocal.study.model import (
 
 PlaneName = Annotated[Name, Placeholder("{plane}")]
 StationName = Annotated[Name, Placeholder("{station}")]
-_Point = Annotated[tuple[float, float, float], Field(strict=False)]
+#: Coordinates of a sketch need no origin far away, and nothing is smaller than its targets.
+Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
+LEAST_M = 0.1
+#: Corners of a surface lie as far as this beside its plane.
+UNEVEN_M = 0.05
+_Level = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+_Point = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+#: Standard deviation in millimetres, centimetres or degrees.
+Size = Annotated[float, Field(ge=1e-3, le=1e3)]
 
 
-def _not_on_a_line(corners: tuple[_Point, ...]) -> tuple[_Point, ...]:
-    """Refuse corners that span no plane; larger deviations from it are left to the plane."""
-    (x, y, z), *others = corners
-    sides = [(a - x, b - y, c - z) for a, b, c in others]
-    a, b, c = max(sides, key=lambda side: sum(each**2 for each in side))
-    largest = max(
-        (b * r - c * q) ** 2 + (c * p - a * r) ** 2 + (a * q - b * p) ** 2 for p, q, r in sides
-    )
-    if largest < 1e-6:
+def _plane(corners: tuple[_Point, ...]) -> tuple[_Point, ...]:
+    """Refuse corners that lie on a line, or not in one plane."""
+    first, *others = corners
+    sides = [tuple(b - a for a, b in zip(first, other, strict=True)) for other in others]
+    longest = max(sides, key=lambda side: math.hypot(*side))
+    area, normal = max((math.hypot(*found), found) for found in (_cross(longest, s) for s in sides))
+    if area < LEAST_M**2:
         raise fault("the corners lie on one line", hint="Give corners that span a surface.")
+    away = max(abs(sum(a * n for a, n in zip(side, normal, strict=True))) for side in sides) / area
+    if away > UNEVEN_M:
+        raise fault(
+            f"a corner lies {away:.2f} m beside the plane of the others",
+            allowed=[f"{UNEVEN_M:g} m at most"],
+            hint="Give X, Y and Z of the corners of one flat surface.",
+        )
     return corners
+
+
+def _cross(first: tuple[float, ...], second: tuple[float, ...]) -> tuple[float, float, float]:
+    (a, b, c), (p, q, r) = first, second
+    return b * r - c * q, c * p - a * r, a * q - b * p
 
 
 class Wall(Section):
     """An upright wall."""
 
-    from_m: Pair = Field(description="X and Y of one end")
-    to_m: Pair = Field(description="X and Y of the other end")
-    bottom_m: float = Field(default=0.0, description="height of its lower edge")
-    top_m: float = Field(description="height of its upper edge")
+    from_m: _Level = Field(description="X and Y of one end")
+    to_m: _Level = Field(description="X and Y of the other end")
+    bottom_m: Coordinate = Field(default=0.0, description="height of its lower edge")
+    top_m: Coordinate = Field(description="height of its upper edge")
 
     @model_validator(mode="after")
     def _has_an_area(self) -> Wall:
-        if self.top_m <= self.bottom_m:
-            raise fault(f"{self.top_m:g}", key="top_m", allowed=[f"more than {self.bottom_m:g}"])
-        if self.from_m == self.to_m:
-            raise fault("both ends are one point", key="to_m")
+        if self.top_m < self.bottom_m + LEAST_M:
+            least = f"{self.bottom_m + LEAST_M:g} or more"
+            raise fault(f"{self.top_m:g}", key="top_m", allowed=[least])
+        if math.dist(self.from_m, self.to_m) < LEAST_M:
+            raise fault(f"the wall is shorter than {LEAST_M:g} m", key="to_m")
         return self
 
 
@@ -65,28 +82,28 @@ class Surface(Section):
     """Any plane surface, as a floor or a board that leans."""
 
     corners_m: Annotated[
-        tuple[_Point, ...], Field(strict=False, min_length=3), AfterValidator(_not_on_a_line)
+        tuple[_Point, ...], Field(strict=False, min_length=3), AfterValidator(_plane)
     ] = Field(description="X, Y and Z of its corners in order")
 
 
 class SketchedSurvey(Section):
     """How many targets there will be, and how well they will be measured."""
 
-    targets: int = Field(default=12, ge=4, description="targets on every surface")
-    targets_mm: Positive = Field(
+    targets: int = Field(default=12, ge=4, le=1000, description="targets on every surface")
+    targets_mm: Size = Field(
         default=1.0, description="standard deviation of a coordinate of a target on a surface"
     )
-    flatness_mm: NotNegative = Field(
+    flatness_mm: Annotated[float, Field(ge=0, le=1000)] = Field(
         default=1.0, description="standard deviation of the surfaces about their planes"
     )
-    base_radius_m: Positive = Field(
+    base_radius_m: Annotated[float, Field(ge=0.01, le=10)] = Field(
         default=0.1, description="distance of the targets on the scanner's base from its middle"
     )
-    base_targets: int = Field(default=6, ge=3, description="their number")
-    base_scanner_mm: Positive = Field(
+    base_targets: int = Field(default=6, ge=3, le=100, description="their number")
+    base_scanner_mm: Size = Field(
         default=0.7, description="standard deviation of their coordinates in the scanner frame"
     )
-    base_site_mm: Positive = Field(
+    base_site_mm: Size = Field(
         default=1.0, description="standard deviation of their coordinates in the site frame"
     )
 
@@ -94,16 +111,18 @@ class SketchedSurvey(Section):
 class Stand(Section):
     """Where the scanner stands."""
 
-    x_m: float = Field(description="X of the scanner")
-    y_m: float = Field(description="Y of the scanner")
-    height_m: float = Field(description="height of the bottom of the scanner in the site frame")
-    heading_deg: float = Field(
+    x_m: Coordinate = Field(description="X of the scanner")
+    y_m: Coordinate = Field(description="Y of the scanner")
+    height_m: Coordinate = Field(
+        description="height of the bottom of the scanner in the site frame"
+    )
+    heading_deg: Angle = Field(
         default=0.0, description="where its Y axis points, clockwise from Y of the site"
     )
     tilt_deg: Annotated[float, Field(ge=0, le=90)] = Field(
         default=0.0, description="angle by which the scanner leans"
     )
-    towards_deg: float = Field(
+    towards_deg: Angle = Field(
         default=0.0, description="where its top leans to, clockwise from Y of the site"
     )
 
@@ -111,18 +130,18 @@ class Stand(Section):
 class AssumedSizes(Section):
     """Sizes that the adjustment will find, as standard deviations; those left out are typical."""
 
-    dl_cm: Positive | None = Field(default=None, description="of the factory's distances")
-    alpha_deg: Positive | None = Field(default=None, description="of its rotational angles")
-    v_deg: Positive | None = Field(default=None, description="of its vertical angles")
-    shift_mm: Positive | None = Field(
+    dl_cm: Size | None = Field(default=None, description="of the factory's distances")
+    alpha_deg: Size | None = Field(default=None, description="of its rotational angles")
+    v_deg: Size | None = Field(default=None, description="of its vertical angles")
+    shift_mm: Size | None = Field(
         default=None, description="of the shift of the distances of a laser at a station"
     )
-    common_mm: Positive | None = Field(
+    common_mm: Size | None = Field(
         default=None, description="of the shift of all distances at a station"
     )
-    pattern_mm: Positive | None = Field(default=None, description="of the pattern along azimuth")
-    pattern_deg: Positive | None = Field(default=None, description="its length of correlation")
-    median_mm: Positive | None = Field(default=None, description="of a median without the pattern")
+    pattern_mm: Size | None = Field(default=None, description="of the pattern along azimuth")
+    pattern_deg: Size | None = Field(default=None, description="its length of correlation")
+    median_mm: Size | None = Field(default=None, description="of a median without the pattern")
 
 
 class Candidates(Section):
@@ -134,7 +153,7 @@ class Candidates(Section):
     assume: AssumedSizes = Field(
         default=AssumedSizes(), description="sizes that the adjustment will find"
     )
-    judge_at_m: Positive = Field(
+    judge_at_m: Annotated[float, Field(ge=0.1, le=1000)] = Field(
         default=10.0, description="range at which the standard deviation of a point is judged"
     )
 
@@ -151,8 +170,8 @@ class Sketch(Candidates):
         default={}, description="floor and other plane surfaces by name"
     )
     survey: SketchedSurvey = Field(default=SketchedSurvey(), description="accuracy of the survey")
-    recordings: Count = Field(
-        default=1, description="recordings at every station; each gives three windows"
+    recordings: int = Field(
+        default=1, ge=1, le=100, description="recordings at every station; each gives three windows"
     )
     stations: dict[StationName, Stand] = Field(
         default={}, description="stations that will be used, by name"

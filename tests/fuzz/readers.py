@@ -44,6 +44,7 @@ from velocal.capture.ledger import Ledger, NothingUsableError
 from velocal.capture.reading import open_capture
 from velocal.clouds.reading import open_cloud
 from velocal.errors import VelocalError
+from velocal.evaluation.plan_task import of_sketch
 from velocal.geometry.planes import Patch, Plane
 from velocal.io import storage
 from velocal.packets.data import PAYLOAD_BYTES, check_payloads
@@ -61,6 +62,7 @@ from velocal.study.config import StudyConfig
 from velocal.study.model import validated
 from velocal.study.reading import read_yaml
 from velocal.study.samples import SurveyedSample, read_samples
+from velocal.study.sketch import TEMPLATE, read_sketch
 from velocal.survey.station import read_station
 from velocal.survey.targets import read_targets
 
@@ -409,6 +411,14 @@ def configuration(path: Path) -> None:
     validated(StudyConfig, read_yaml(path), str(path))
 
 
+def sketches() -> list[bytes]:
+    return [TEMPLATE.encode()]
+
+
+def sketch(path: Path) -> None:
+    of_sketch(read_sketch(path), path.parent)
+
+
 def stations() -> list[bytes]:
     from support.station import write_station
 
@@ -463,7 +473,8 @@ READERS = {
     "json": Reader(".json", lambda: calibration_seeds(".json"), calibration, 5000),
     "targets": Reader(".csv", targets, read_some_targets, 500),
     "samples": Reader(".tsv", samples, read_some_samples, 500),
-    "configuration": Reader(".yaml", configurations, configuration, 2000),
+    "configuration": Reader(".yaml", configurations, configuration, 1500),
+    "sketch": Reader(".yaml", sketches, sketch, 500),
     "station": Reader(".json", stations, station, 3500),
     "rotations": Reader(".parquet", indices, index, 700),
     "own_csv": Reader(".csv", targets, csv, 300),

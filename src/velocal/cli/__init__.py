@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from velocal.cli import calibration, init, points, recordings, run
+from velocal.cli import calibration, init, plan, points, recordings, run
 from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
 from velocal.io.output import stopped_cleanly
@@ -25,6 +25,7 @@ calibration.app.command("from-recording")(recordings.from_recording)
 app.add_typer(calibration.app, name="calibration")
 app.command()(points.points)
 app.command()(init.init)
+app.command()(plan.plan)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(run.run)
 
 

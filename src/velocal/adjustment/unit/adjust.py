@@ -14,7 +14,7 @@ from velocal.adjustment.unit.noise import FIRST_LENGTH
 from velocal.adjustment.unit.population import find_mode, integrate
 from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
-from velocal.adjustment.unit.stage import make_stage
+from velocal.adjustment.unit.stage import make_stage, noise_of
 from velocal.adjustment.unit.station import UnitStation, azimuth_bins
 from velocal.arrays import Array
 from velocal.errors import VelocalError
@@ -64,7 +64,7 @@ def adjust_unit(
         observation is of an unknown laser or not finite.
     """
     settings = settings or UnitSettings()
-    stations = _checked(stations)
+    stations = checked(stations)
     bins = azimuth_bins(stations, factory, settings.azimuth_bin_rad)
     x = np.zeros((len(factory), len(UNKNOWNS)))
     centred = [about_scanner(station) for station in stations]
@@ -82,7 +82,8 @@ def adjust_unit(
         length = None if enough else FIRST_LENGTH
         left = at.z - relief
         at = replace(at, z=at.z + survey.accounted(moved, at))
-        stage = make_stage(survey.moved(), len(factory), moved, at, left, settings, length)
+        noise = noise_of(moved, at, left, len(factory), len(stations), length)
+        stage = make_stage(survey.moved(), len(factory), moved, at, noise, settings)
         mode = find_mode(stage.population, stage.sums, mode)
         best = stage.describe(
             stage.population.posterior(stage.sums, mode), stage.population.values(mode)
@@ -165,7 +166,8 @@ def _same(first: Sequence[UnitStation], second: Sequence[UnitStation], lasers: i
     return True
 
 
-def _checked(stations: Sequence[UnitStation]) -> list[UnitStation]:
+def checked(stations: Sequence[UnitStation]) -> list[UnitStation]:
+    """Stations in the order of their names, which must differ; one must have observations."""
     names = [station.name for station in stations]
     if not stations or not any(len(station.observations.phi) for station in stations):
         raise VelocalError(

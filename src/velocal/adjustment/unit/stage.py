@@ -47,18 +47,24 @@ class Stage:
         return describe(posterior, values, self.output, self.survey, self.least_voff_m)
 
 
+def noise_of(
+    bins: Bins, at: Linearised, left: Array, lasers: int, stations: int, length: float | None
+) -> Noise:
+    """Estimate the noise of what is `left` of the misclosures."""
+    rows = groups_of(bins, lasers, stations)
+    return estimate([_group(bins, at, left, r) if len(r) else None for r in rows], length)
+
+
 def make_stage(
     stations: Sequence[UnitStation],
     lasers: int,
     bins: Bins,
     at: Linearised,
-    left: Array,
+    noise: Noise,
     settings: UnitSettings,
-    length: float | None,
 ) -> Stage:
-    """Estimate the noise of what is `left` of the misclosures, and sum the rows."""
+    """Sum the rows, with the noise of every laser at every station."""
     rows = groups_of(bins, lasers, len(stations))
-    noise = estimate([_group(bins, at, left, r) if len(r) else None for r in rows], length)
     group = bins.mean.laser_id * len(stations) + bins.mean.station_number
     weight = 1.0 / (noise.tau[group] ** 2 + noise.omega[group] ** 2 / bins.count)
     shared = shared_effects(stations, bins, at, settings).reduced(weight)

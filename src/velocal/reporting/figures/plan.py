@@ -102,7 +102,9 @@ def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[:: -(-len(rows) // MEDIANS) or 1]
 
 
-def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) -> Figure:
+def draw_plan(
+    numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool, measured: bool = True
+) -> Figure:
     """Draw the numbers of `plan`, one panel per position with the same axes.
 
     Parameters
@@ -113,6 +115,8 @@ def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) 
         Entry of the configuration.
     simulated : bool
         Whether a note says that the recordings are simulated.
+    measured : bool
+        Whether the medians were measured; if not, they are expected.
 
     Returns
     -------
@@ -121,7 +125,9 @@ def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) 
     positions = list(dict.fromkeys(numbers["position"]))
     seen = numbers[["x_m", "y_m"]].to_numpy()
     low, high = (np.quantile(seen, share, axis=0) for share in (0.001, 0.999))
-    low, high = low - _MARGIN_M, high + _MARGIN_M
+    # Without what lies behind the walls, their names need room of their own.
+    margin = _MARGIN_M if measured else 2.0 * _MARGIN_M
+    low, high = low - margin, high + margin
     shape = (high[1] - low[1]) / (high[0] - low[0])
     with style():
         figure = Figure(figsize=(7.0, 1.1 + 6.4 / len(positions) * shape))
@@ -135,7 +141,8 @@ def draw_plan(numbers: pd.DataFrame, selection: PlanFigure, *, simulated: bool) 
         whence = "each position" if len(positions) > 1 else f"position {positions[0]}"
         finish(
             figure, [axes[0]],
-            f"{selection.scanner}: test field in plan, medians measured from {whence}",
+            f"{selection.scanner}: test field in plan, medians "
+            f"{'measured' if measured else 'expected'} from {whence}",
             simulated=simulated, ncols=4,
         )  # fmt: skip
     return figure

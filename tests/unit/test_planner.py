@@ -109,7 +109,7 @@ def test_candidates_are_ranked():
     nowhere = replace(nowhere, planes=(replace(nowhere.planes[0], patch=far),))
     candidates = (*wanted.candidates, replace(wanted.candidates[0], station=nowhere))
     ranked = judge(wanted.given, candidates, wanted.instrument)
-    assert {each.name for each in ranked} == {"beside", "high", "tilted", "nowhere"}
+    assert {each.name for each in ranked} == {"opposite", "high", "tilted", "nowhere"}
     # The tilted scanner sees the floor with more lasers, the high one with fewer.
     assert ranked[0].name == "tilted"
     assert ranked[-1].name == "nowhere"
@@ -161,7 +161,7 @@ def test_command_prints_tables_and_writes_files(tmp_path):
 def test_template_is_a_sketch(tmp_path):
     path = tmp_path / "room.yaml"
     assert plan("--template", path).exit_code == 0
-    assert set(read_sketch(path).candidates) == {"beside", "high", "tilted"}
+    assert set(read_sketch(path).candidates) == {"opposite", "high", "tilted"}
     with pytest.raises(VelocalError, match="exists already"):
         plan("--template", path)
 

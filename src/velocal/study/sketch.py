@@ -254,7 +254,7 @@ recordings: 1                # at every station; each gives three windows
 stations:                    # that will be used
   P1: {x_m: 2.0, y_m: 1.9, height_m: 0.8, heading_deg: 35.0}
 candidates:                  # that are compared: other places, heights and tilts
-  beside: {x_m: 4.1, y_m: 2.7, height_m: 0.8, heading_deg: -120.0}
+  opposite: {x_m: 4.1, y_m: 2.7, height_m: 0.8, heading_deg: -120.0}
   high: {x_m: 2.0, y_m: 1.9, height_m: 1.6, heading_deg: 35.0}
   tilted: {x_m: 4.1, y_m: 2.7, height_m: 0.8, heading_deg: -120.0, tilt_deg: 15.0, towards_deg: 45}
 # assume: {pattern_mm: 4.0, median_mm: 5.0}   # sizes that the adjustment will find

@@ -153,6 +153,16 @@ def test_root_and_workflow_plan_the_same(tmp_path):
     assert len(jobs) > 35
 
 
+def test_number_of_jobs(tmp_path):
+    """The start of a job takes longer than most of them: what belongs together is one job."""
+    jobs = planned(copy_project(tmp_path / "project"))
+    assert len(jobs) < 90
+    of_a_sample = [job for job in jobs if "sample=sa1" in job[1]]
+    of_no_sample = [job for job in jobs if "sample=" not in job[1]]
+    # A study of 300 samples, each at a position of its own.
+    assert len(of_no_sample) + 300 * (len(of_a_sample) + 1) <= 2500
+
+
 def test_nothing_downstream_sees_the_truth(tmp_path):
     folder = copy_project(tmp_path / "project")
     make_tiny(folder)

@@ -1,14 +1,12 @@
 """Decode the rotations of a window, and reduce the returns to medians per laser and azimuth bin."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 from velocal.capture.source import SourceFilter
-from velocal.io import schemas, storage
 from velocal.io.scripts import for_each, run
+from velocal.recording.medians import write_medians
 from velocal.recording.returns import write_returns
 from velocal.recording.windows import read_index, window_rotations
-from velocal.reduction.medians import binned_medians
 from velocal.scanner.models import scanner_named
 
 
@@ -33,18 +31,7 @@ def main(
     chosen = window_rotations(index, window, length, str(recording))
     known, source = scanner_named(scanner), SourceFilter(port, address)
     write_returns(recording, index, chosen, known, returns, returns=which, source=source)
-    names = ["azimuth", "laser_id", "distance"]
-    columns, facts = storage.read_table(returns, schemas.RETURNS, names)
-    reduced = binned_medians(
-        columns["azimuth"],
-        columns["laser_id"],
-        columns["distance"],
-        lasers_per_firing=known.lasers_per_firing,
-        bin_ticks=azimuth_bin_ticks,
-        min_count=min_count,
-    )
-    facts |= {"cell_ticks": azimuth_bin_ticks, "min_count": min_count}
-    storage.write_table(medians, schemas.MEDIANS, asdict(reduced), **facts)
+    write_medians(returns, medians, known, bin_ticks=azimuth_bin_ticks, min_count=min_count)
 
 
 if "snakemake" in globals():

@@ -93,6 +93,16 @@ def test_results_are_there(finished):
     assert pair["rms_cm"].mean()["window"] < 0.6 * pair["rms_cm"].mean()["factory"]
 
 
+def test_where_time_went_is_summed_up(finished):
+    """Written when the run ends, from what Snakemake measured."""
+    folder = finished / "results/benchmarks"
+    rules = pd.read_csv(folder / "summary.csv", index_col="rule")
+    assert rules.loc[["adjust_lasers", "make_table"], "jobs"].tolist() == [2, 1]
+    assert (rules["wall_s"] > 0).all()
+    assert rules.loc["adjust_unit", "memory_mb"] > 50
+    assert "| adjust_lasers | 2 |" in (folder / "summary.md").read_text()
+
+
 def test_second_run_is_idle(finished):
     done = snakemake(finished, "--cores", "2")
     assert done.returncode == 0

@@ -32,7 +32,7 @@ def main(
     found = cloud.read_cloud(recording, known, numbers, dialect=dialect, frame=frame, topic=address)
     check_cloud_standing(found.returns, str(recording))
     write_table_of(found.returns, returns)
-    write_medians(returns, medians, known, azimuth_bin_ticks=azimuth_bin_ticks, min_count=min_count)
+    write_medians(returns, medians, known, bin_ticks=azimuth_bin_ticks, min_count=min_count)
     storage.write_json(ledger, {"file": recording.name, "scanner": scanner, **found.as_dict()})
 
 

@@ -31,7 +31,7 @@ def main(
     chosen = window_rotations(index, window, length, str(recording))
     known, source = scanner_named(scanner), SourceFilter(port, address)
     write_returns(recording, index, chosen, known, returns, returns=which, source=source)
-    write_medians(returns, medians, known, azimuth_bin_ticks=azimuth_bin_ticks, min_count=min_count)
+    write_medians(returns, medians, known, bin_ticks=azimuth_bin_ticks, min_count=min_count)
 
 
 if "snakemake" in globals():

@@ -180,3 +180,15 @@ def test_for_each_names_arguments():
 
     with pytest.raises(ScriptError, match="for_each names 'other', which main does not take"):
         calls(wrong, job(**PARTS))
+
+
+def test_an_error_of_one_call_says_of_which(capsys):
+    @for_each("table", "seed")
+    def failing(*, table: Path, seed: int) -> None:
+        if seed == 8:
+            raise ConfigError("it has no rows")
+
+    given = {"output": {"table": ["1.csv", "2.csv"]}, "params": {"seed": [7, 8]}}
+    with pytest.raises(SystemExit):
+        run(failing, job(**given))
+    assert capsys.readouterr().err == "Error: 2.csv: it has no rows\n"

@@ -307,11 +307,11 @@ def test_two_runs_at_once(finished):
 def test_no_room_in_the_middle_of_a_run(finished):
     """The table of returns is larger than what fits: a message, and all is well with more room."""
     before = digests(finished)
-    (finished / "results/returns/monday/middle.parquet").unlink()
+    (finished / "results/returns/monday/beginning.parquet").unlink()
     done = completed(finished, "velocal.cli", "run", "--cores", "1", max_file_bytes=250_000)
     said = done.stdout + done.stderr
     assert done.returncode == 1
-    assert "middle.parquet: cannot be written: File too large" in said
+    assert "beginning.parquet: cannot be written: File too large" in said
     assert "Hint: The limit of the size of a file is reached" in said
     assert "Traceback" not in said
     assert not list((finished / "results").rglob("*.part"))

@@ -93,6 +93,16 @@ def test_results_are_there(finished):
     assert pair["rms_cm"].mean()["window"] < 0.6 * pair["rms_cm"].mean()["factory"]
 
 
+def test_where_time_went_is_summed_up(finished):
+    """Written when the run ends, from what Snakemake measured."""
+    folder = finished / "results/benchmarks"
+    rules = pd.read_csv(folder / "summary.csv", index_col="rule")
+    assert rules.loc[["adjust_lasers", "make_table"], "jobs"].tolist() == [2, 1]
+    assert (rules["wall_s"] > 0).all()
+    assert rules.loc["adjust_unit", "memory_mb"] > 50
+    assert "| adjust_lasers | 2 |" in (folder / "summary.md").read_text()
+
+
 def test_second_run_is_idle(finished):
     done = snakemake(finished, "--cores", "2")
     assert done.returncode == 0
@@ -151,6 +161,16 @@ def test_root_and_workflow_plan_the_same(tmp_path):
     jobs = planned(folder)
     assert jobs == planned(folder, "--snakefile", "workflow/Snakefile")
     assert len(jobs) > 35
+
+
+def test_number_of_jobs(tmp_path):
+    """The start of a job takes longer than most of them: what belongs together is one job."""
+    jobs = planned(copy_project(tmp_path / "project"))
+    assert len(jobs) < 90
+    of_a_sample = [job for job in jobs if "sample=sa1" in job[1]]
+    of_no_sample = [job for job in jobs if "sample=" not in job[1]]
+    # A study of 300 samples, each at a position of its own.
+    assert len(of_no_sample) + 300 * (len(of_a_sample) + 1) <= 2500
 
 
 def test_nothing_downstream_sees_the_truth(tmp_path):

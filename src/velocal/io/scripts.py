@@ -20,7 +20,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from velocal.errors import ScriptError, reported
+from velocal.errors import ScriptError, VelocalError, reported
 from velocal.io import run_lock
 from velocal.io.output import check_outputs, stopped_cleanly
 
@@ -93,10 +93,22 @@ def run(main: Callable[..., None], job: Job) -> None:
         run_lock.join()
         check_outputs(_paths(job.output), _paths(job.input))
         try:
-            for given in calls(main, job):
-                main(**given)
+            for given in (every := calls(main, job)):
+                try:
+                    main(**given)
+                except VelocalError as error:
+                    # The job alone does not say which of its figures, say, the error is about.
+                    if len(every) > 1 and error.where is None:
+                        error.where = _made_by(main, job, given)
+                    raise
         except KeyboardInterrupt:
             raise SystemExit(128 + signal.SIGINT) from None
+
+
+def _made_by(main: Callable[..., None], job: Job, given: Mapping[str, Any]) -> str:
+    """First file that one of several calls makes."""
+    outputs = dict(job.output.items())
+    return str(next(given[name] for name in main.__dict__["for_each"] if name in outputs))
 
 
 def _paths(named: Named) -> list[Path]:

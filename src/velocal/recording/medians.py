@@ -1,4 +1,4 @@
-"""From a file of returns to a file of medians."""
+"""Medians of a table of returns, from file to file."""
 
 from __future__ import annotations
 
@@ -11,31 +11,35 @@ from velocal.scanner.models import Scanner
 
 
 def write_medians(
-    returns: Path, medians: Path, scanner: Scanner, *, azimuth_bin_ticks: int, min_count: int
+    returns: Path, medians: Path, scanner: Scanner, *, bin_ticks: int, min_count: int
 ) -> None:
-    """Reduce returns to medians per laser and azimuth bin.
+    """Reduce a table of returns to medians per laser and azimuth bin.
 
     Parameters
     ----------
-    returns : Path
-        Parquet file of `schemas.RETURNS`.
-    medians : Path
-        Parquet file of `schemas.MEDIANS` to write.
+    returns, medians : Path
+        Parquet files to read and to write; the facts of the returns are kept.
     scanner : Scanner
-    azimuth_bin_ticks : int
-        Width of a bin, 0.01 deg.
+    bin_ticks : int
+        Width of an azimuth bin, ticks of the encoder.
     min_count : int
-        Returns that a bin must have.
+        Returns that a median needs.
+
+    Raises
+    ------
+    StorageError
+        If the table of returns cannot be read.
     """
-    names = ["azimuth", "laser_id", "distance"]
-    columns, facts = storage.read_table(returns, schemas.RETURNS, names)
+    columns, facts = storage.read_table(
+        returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
+    )
     reduced = binned_medians(
         columns["azimuth"],
         columns["laser_id"],
         columns["distance"],
         lasers_per_firing=scanner.lasers_per_firing,
-        bin_ticks=azimuth_bin_ticks,
+        bin_ticks=bin_ticks,
         min_count=min_count,
     )
-    facts |= {"cell_ticks": azimuth_bin_ticks, "min_count": min_count}
+    facts |= {"cell_ticks": bin_ticks, "min_count": min_count}
     storage.write_table(medians, schemas.MEDIANS, asdict(reduced), **facts)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from velocal.calibration.files import formats
+from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.ledger import Ledger, NothingUsableError
 from velocal.cli.common import (
     Address,
@@ -30,11 +32,11 @@ from velocal.cli.common import (
 from velocal.errors import ConfigError, RecordingError
 from velocal.io.output import check_outputs
 from velocal.packets.dual import check_choice
-from velocal.recording.cloud import read_cloud
+from velocal.recording.cloud import parameters_of_cloud, read_cloud
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import WINDOWS
 from velocal.recording.returns import write_returns
-from velocal.scanner.models import Scanner
+from velocal.scanner.models import SCANNERS, Scanner
 from velocal.study.samples import MAX_MISSING
 from velocal.study.scanner_file import scanner_of
 
@@ -206,3 +208,30 @@ def from_recording(
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
     say(f"{output}: {status.tables_text}")
+
+
+def from_cloud(
+    file: File,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Calibration to write: .csv or .json")
+    ],
+    scanner: Annotated[
+        str, typer.Option("--scanner", help=f"One of {', '.join(SCANNERS)}, or a file .yaml")
+    ],
+    frame: Annotated[
+        str | None, typer.Option(help="Axes of the cloud, velocal or ros, where it does not say.")
+    ] = None,
+    address: Address = None,
+    force: Force = False,
+) -> None:
+    """Write the vertical angles and offsets with which the points of a cloud were computed.
+
+    For clouds whose calibration file is not public, as that of KITTI: the file that is written
+    stands for it, and the cloud is one of the dialect paper then.
+    """
+    check_outputs([output], [file], overwrite=force)
+    known = scanner_of(scanner, where="--scanner")
+    found = parameters_of_cloud(file, known, frame=frame, topic=address)
+    formats.write(output, CalibrationFile(found, "paper", known.name, known.distance_tick_m))
+    degrees = np.rad2deg(found.v - known.vertical_rad)
+    say(f"{output}: vertical angles {np.median(degrees):+.3f} deg from the nominal ones (median)")

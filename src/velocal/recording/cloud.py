@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from velocal.arrays import Array, joined_rows
 from velocal.calibration import rings
 from velocal.calibration.applied import AppliedCalibration
-from velocal.calibration.dialects import DIALECTS, dialect_named
+from velocal.calibration.dialects import DIALECTS, PAPER, dialect_named
 from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.ledger import Ledger
 from velocal.clouds.block import PointBlock
@@ -250,6 +250,59 @@ def read_cloud(
         float(np.median(np.concatenate(residuals))),
         dict(file.lost),
     )
+
+
+def parameters_of_cloud(
+    path: str | Path, scanner: Scanner, *, frame: str | None = None, topic: str | None = None
+) -> LaserParameters:
+    """Vertical angles and offsets with which the points of a cloud were computed, by laser.
+
+    For clouds whose calibration file is not public, as that of KITTI. The rings are those of the
+    file, else its turns, else the nominal lasers that are nearest.
+
+    Parameters
+    ----------
+    path : str or Path
+        As of `read_cloud`.
+    scanner : Scanner
+        Its nominal vertical angles tell which ring is which laser.
+    frame, topic
+        As of `read_cloud`.
+
+    Returns
+    -------
+    LaserParameters
+        Of equations (1) to (3): with them, `read_cloud` takes the cloud as one of `paper`.
+
+    Raises
+    ------
+    RecordingError
+        If the cloud cannot be read, or has another number of rings than the scanner has lasers.
+    """
+    file = open_cloud(Path(path), topic)
+    design = nominal(scanner)
+    axes = frame or (file.origin.frame if file.origin else file.frame) or "ros"
+    made = _Made(AppliedCalibration(PAPER, design, scanner, _USUAL_RATE_HZ), axes, False)
+    xyz: list[Array] = []
+    lasers: list[NDArray[np.int64]] = []
+    for block in file.blocks():
+        kept = np.isfinite(block.xyz).all(axis=1) & block.xyz.any(axis=1)
+        points = made.turned(block.xyz[kept])
+        ring = rings.rings_by_turns(points) if block.laser is None else block.laser[kept]
+        laser = rings.lasers_of_rings(ring, points, design)
+        if laser is None and block.laser is None:
+            laser = rings.nearest_lasers(points, design)
+        if laser is None:
+            raise RecordingError(
+                f"a scan has {len(np.unique(ring))} rings",
+                where=str(path),
+                allowed=f"{scanner.n_lasers}, one of every laser of an {scanner.name}",
+            )
+        xyz.append(points)
+        lasers.append(laser)
+    if not xyz:
+        raise RecordingError("holds no points", where=str(path))
+    return rings.geometry_of(np.concatenate(xyz), np.concatenate(lasers), design)
 
 
 _OFF_CONE = "lie on the cone of no laser"

@@ -101,18 +101,18 @@ class CloudReturns:
             "from the cones": f"{1e3 * self.residual_m:.2f} mm (median distance of a point from "
             "the cone of its laser)",
         }
-        parts = [f"{number} {reason}" for reason, number in self.left_out.items()]
-        parts += [f"{number} times: {reason}" for reason, number in self.lost.items()]
-        return told | ({"left out": "; ".join(parts)} if parts else {})
+        return told | ({"left out": "; ".join(self.remarks)} if self.remarks else {})
 
     @property
     def remarks(self) -> list[str]:
-        """What a reader of results should know."""
-        return [f"{label}: {text}" for label, text in self.facts.items()]
+        """What was not used, and why."""
+        found = [f"{number} points {reason}" for reason, number in self.left_out.items()]
+        return found + [f"{number} times: {reason}" for reason, number in self.lost.items()]
 
     def as_dict(self) -> dict[str, Any]:
         """Facts for JSON, in the words of `Inspection.as_dict`; every byte is one of the points."""
-        ledger = Ledger(self.bytes, self.kind, framing_bytes=self.bytes)
+        framing = f"{self.kind}, points of {self.dialect}"
+        ledger = Ledger(self.bytes, framing, framing_bytes=self.bytes)
         return {
             "ledger": ledger.as_dict(),
             "gaps": 0,

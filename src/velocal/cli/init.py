@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from velocal.cli.common import say
+from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.study.template import CAPTURES, FACTORY, write_study
 
@@ -37,6 +38,13 @@ def init(
             show_default=False,
         ),
     ] = None,
+    dialect: Annotated[
+        str | None,
+        typer.Option(
+            help="The recordings are clouds of points that this program computed.",
+            show_default=False,
+        ),
+    ] = None,
     checkout: Annotated[
         Path, typer.Option(help="Checkout of velocal that holds the workflow.", show_default=False)
     ] = CHECKOUT,
@@ -47,7 +55,10 @@ def init(
     """
     known = scanner_named(scanner, where="--scanner")
     captures = recording or ([] if not survey else None)
-    for path in write_study(folder, known, positions, checkout / "workflow/Snakefile", captures):
+    if dialect is not None and not captures:
+        raise ConfigError("a dialect without clouds", where="--dialect", allowed="with --recording")
+    workflow = checkout / "workflow/Snakefile"
+    for path in write_study(folder, known, positions, workflow, captures, dialect):
         say(f"wrote {path}")
     if captures is not None:
         say(_unsurveyed(folder, known, bool(captures)))

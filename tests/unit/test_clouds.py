@@ -405,3 +405,17 @@ def test_velodyne_decoder_gives_back_what_it_decoded(shared, tmp_path):
     everything = (*by_distance, "azimuth")
     same = counted(seen, *everything) & counted(packets, *everything)
     assert same.total() > 0.999 * len(packets)
+
+
+def test_messages_that_are_damaged_are_counted_once(tmp_path):
+    """The file is read twice where its times have to tell the rotation rate."""
+    _, laser, _, xyz = scene("VLP-16", "ros")
+    x, y, z = xyz.T.astype("f4")
+    columns = {"x": y, "y": -x, "z": z, "laser_id": laser.astype("u1")}
+    messages = [clouds.pointcloud2(columns, ros1=False, second=k) for k in range(3)]
+    messages[1] = messages[1][:-400]
+    path = clouds.write_bag(tmp_path / "a", messages, ros1=False)
+    found = read_cloud(path, "VLP-16", dialect="ros")
+    assert found.lost == {"message cut short": 1}
+    assert found.points == 2 * len(laser)
+    assert np.unique(found.returns.rotation).tolist() == [0, 1]

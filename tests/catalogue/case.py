@@ -165,7 +165,7 @@ def _told(command: tuple[str, ...], out: str, code: object) -> str:
             parts.insert(0, "scanner: unknown")
         if facts["packets_missing"]:
             parts.append(f"gaps: {facts['gaps']}, packets missing: {facts['packets_missing']}")
-        if facts["clock"] != "device":
+        if facts.get("clock", "device") != "device":
             parts.append(f"clock: {facts['clock']}")
         if not facts["rotations_complete"]:
             parts.append("rotations complete: 0")

@@ -9,7 +9,7 @@ from pathlib import Path
 if __name__ == "__main__":  # as pytest sets it
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from catalogue import calibrations, configuration, machine, recordings, tables
+from catalogue import calibrations, clouds, configuration, machine, recordings, tables
 from catalogue.case import Case, Result, run
 from velocal.io import storage
 from velocal.io.markup import inserted, markdown_table
@@ -17,6 +17,7 @@ from velocal.io.markup import inserted, markdown_table
 PAGE = Path(__file__).parents[2] / "docs/reliability.md"
 KINDS: dict[str, tuple[Case, ...]] = {
     "recordings": recordings.CASES,
+    "clouds": clouds.CASES,
     "calibrations": calibrations.CASES,
     "tables": tables.CASES,
     "configuration": configuration.CASES,

@@ -1,6 +1,7 @@
 """Clouds of points in files: every format is read, and faults are one clear message."""
 
 import struct
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,11 @@ from velocal.cli import app
 from velocal.clouds.reading import open_cloud
 from velocal.errors import ConfigError, RecordingError, StorageError
 from velocal.recording.cloud import read_cloud
+from velocal.recording.motion import check_cloud_standing
 from velocal.recording.recording import open_recording
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
+from velocal.study.samples import UnsurveyedSample, read_samples
 
 #: Points in the axes of ROS, with the fields of the ROS driver.
 RNG = np.random.default_rng(3)
@@ -311,3 +314,108 @@ def test_wrong_calls(arguments, message, tmp_path):
     path.write_bytes(FILES["binary.pcd"])
     with pytest.raises(ConfigError, match=message):
         read_cloud(path, **arguments)
+
+
+# -- in a study ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        ("VLP-16\ta.pcd\tnominal\trviz\t", "row 2: dialect: unknown dialect 'rviz'"),
+        ("VLP-16\ta.pcd\tnominal\tros\tenu", "frame: 'enu' (allowed: velocal, ros"),
+        ("VLP-16\ta.pcap\tnominal\t\tros", "frame: is said of packets"),
+        (
+            "HDL-64E\ta.pcd\tembedded\tros\t",
+            "calibration: 'embedded', but the recording is a cloud",
+        ),
+    ],
+)
+def test_what_a_sample_table_says_wrongly_of_a_cloud(cells, message, tmp_path):
+    path = tmp_path / "samples.tsv"
+    head = "sample\tscanner\trecording\tcalibration\tdialect\tframe\n"
+    path.write_text(f"{head}one\t{cells}\n")
+    with pytest.raises(ConfigError) as caught:
+        read_samples(path, UnsurveyedSample)
+    assert message in str(caught.value)
+    path.write_text(
+        f"{head}one\tVLP-16\ta.pcd\tnominal\tros\tros\ntwo\tVLP-16\ta.pcap\tnominal\t\t\n"
+    )
+    found = read_samples(path, UnsurveyedSample)
+    assert [each.is_cloud for each in found.values()] == [True, False]
+
+
+def test_init_writes_the_program_into_the_sample_table(tmp_path):
+    cloud = tmp_path / "a.pcd"
+    cloud.write_bytes(FILES["binary.pcd"])
+    command = ["init", str(tmp_path / "s"), "--scanner", "VLP-16", "--dialect", "ros"]
+    refused = CliRunner().invoke(app, command)
+    assert "a dialect without clouds" in str(refused.exception)
+    done = CliRunner().invoke(app, [*command, "--recording", str(cloud)])
+    assert done.exit_code == 0, done.output
+    rows = read_samples(tmp_path / "s/samples.tsv", UnsurveyedSample)
+    assert {each.dialect for each in rows.values()} == {"ros"}
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_cloud_of_a_moving_scanner_is_refused(moves, tmp_path):
+    """Two scans; in the second one everything may be half a metre farther."""
+    known = SCANNERS["VLP-16"]
+    applied = AppliedCalibration(DIALECTS["ros"], nominal(known), known, 10.0)
+    laser, phi = np.tile(np.arange(16), 720), np.repeat(np.linspace(0, 6.28, 720), 16)
+    for scan in (0, 1):
+        distance = np.full(len(phi), 8.0 + 0.5 * scan * moves)
+        x, y, z = applied.points(distance, phi, laser).T.astype("f4")
+        columns = {"x": y, "y": -x, "z": z, "laser_id": laser.astype("u1")}
+        (tmp_path / f"{scan}.pcd").write_bytes(clouds.pcd(columns))
+    found = read_cloud(tmp_path, known, dialect="ros")
+    if not moves:
+        check_cloud_standing(found.returns, "here")
+        return
+    with pytest.raises(RecordingError, match="here: the scanner moves: 100 %"):
+        check_cloud_standing(found.returns, "here")
+
+
+# -- points of another program ---------------------------------------------------------------------
+
+
+def test_velodyne_decoder_gives_back_what_it_decoded(shared, tmp_path):
+    """Its own points of a real HDL-32E: the distances of all, the azimuths of nearly all.
+
+    It finds the rotation rate anew in every packet, so that some azimuths differ by one tick.
+    """
+    decoder = pytest.importorskip("velodyne_decoder")
+    recording = shared / "recordings/hdl32e-static-outdoor.pcap"
+    config = decoder.Config()
+    config.model = decoder.Model.HDL32E
+    for number, (_, points) in enumerate(decoder.read_pcap(recording, config, as_pcl_structs=True)):
+        names = ("x", "y", "z", "intensity", "ring", "time")
+        columns = {name: np.ascontiguousarray(points[name]) for name in names}
+        (tmp_path / f"{number}.pcd").write_bytes(clouds.pcd(columns))
+    found = read_cloud(tmp_path, "HDL-32E", dialect="velodyne_decoder")
+    seen = found.returns.seen
+    packets = open_recording(recording, "HDL-32E").returns("all").seen
+    assert found.used == found.points == len(packets)
+
+    def counted(table, *names):
+        return Counter(zip(*(getattr(table, name).tolist() for name in names), strict=True))
+
+    by_distance = ("laser_id", "distance")
+    assert counted(seen, *by_distance) == counted(packets, *by_distance)
+    everything = (*by_distance, "azimuth")
+    same = counted(seen, *everything) & counted(packets, *everything)
+    assert same.total() > 0.999 * len(packets)
+
+
+def test_messages_that_are_damaged_are_counted_once(tmp_path):
+    """The file is read twice where its times have to tell the rotation rate."""
+    _, laser, _, xyz = scene("VLP-16", "ros")
+    x, y, z = xyz.T.astype("f4")
+    columns = {"x": y, "y": -x, "z": z, "laser_id": laser.astype("u1")}
+    messages = [clouds.pointcloud2(columns, ros1=False, second=k) for k in range(3)]
+    messages[1] = messages[1][:-400]
+    path = clouds.write_bag(tmp_path / "a", messages, ros1=False)
+    found = read_cloud(path, "VLP-16", dialect="ros")
+    assert found.lost == {"message cut short": 1}
+    assert found.points == 2 * len(laser)
+    assert np.unique(found.returns.rotation).tolist() == [0, 1]

@@ -15,6 +15,7 @@ from support.chain import study_world
 from support.running import snakemake
 
 from velocal.calibration.files import formats
+from velocal.io import schemas, storage
 from velocal.scanner.models import scanner_named
 from velocal.simulation import capture, truth
 
@@ -79,3 +80,29 @@ def test_report_and_certificate_speak_of_it(finished):
     certificate = json.loads((finished / "certificate.json").read_text())["certificates"][0]
     assert certificate["recordings"][0]["position"] == ""
     assert not [file for file in certificate["files"] if "survey" in file["role"]]
+
+
+def test_the_returns_of_a_cloud_are_those_of_its_packets(finished):
+    """`velocal points`, and a study of the cloud up to its returns."""
+    folder, capture_file = finished.parents[1] / "cloud", finished.parents[1] / "walls.pcap"
+    cloud = folder.parent / "walls.pcd"
+    for command in (
+        ["points", capture_file, "-o", cloud, "--scanner", SCANNER],
+        ["init", folder, "--scanner", SCANNER, "--recording", cloud, "--dialect", "paper",
+         "--checkout", ROOT],
+    ):  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-m", "velocal.cli", *command], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+    done = snakemake(folder, "--cores", "2", "results/medians/sample1/all.parquet")
+    assert done.returncode == 0, done.stdout + done.stderr
+    found, expected = (
+        storage.read_table(place / "medians/sample1/all.parquet", schemas.MEDIANS)[0]
+        for place in (folder / "results", finished)
+    )
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values)
+    ledger = json.loads((folder / "results/recordings/sample1/ledger.json").read_text())
+    assert ledger["points_used"] == ledger["points"] > 100_000
+    assert ledger["ledger"]["unaccounted_bytes"] == 0

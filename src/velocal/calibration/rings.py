@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 from velocal.arrays import Array
 from velocal.scanner.parameters import LaserParameters
 
-#: Azimuth that a point may lie behind the one before it without beginning a new ring, radians: the
-#: lasers of a scanner turn forward, and neighbours differ by their horizontal offsets.
-_BACK_RAD = np.pi
+#: A new ring begins where the azimuth goes back by more than this, radians, and where the ring has
+#: as many points: offsets of the lasers let single points lie on either side of its begin.
+_BACK_RAD, _LEAST_POINTS = np.deg2rad(5.0), 20
+#: Horizontal distances of the points of a laser that determine both its angle and its offset differ
+#: by this much, metres.
+_SPREAD_M = 3.0
 #: Points that are compared with all lasers together.
 _POINTS = 1 << 16
 
@@ -48,14 +51,20 @@ def rings_by_turns(xyz: Array) -> NDArray[np.int64]:
     Returns
     -------
     ndarray of int64, shape (n,)
-        Number of the turn that a point belongs to: a new one begins where the azimuth passes from
-        the end of the turn to its beginning.
+        Number of the turn that a point belongs to: a new one begins where the azimuth goes back. A
+        few points at its begin may be given to the ring before it.
     """
-    azimuth = np.mod(np.arctan2(xyz[:, 1], xyz[:, 0]), 2.0 * np.pi)
-    step = np.diff(azimuth, prepend=azimuth[:1])
-    # Rings may be stored clockwise or not: the jumps of most rings tell which.
-    jumps = step < -_BACK_RAD, step > _BACK_RAD
-    return np.cumsum(max(jumps, key=np.count_nonzero))
+    forward, left = xyz[:, 1], -xyz[:, 0]
+    azimuth = np.arctan2(left, forward)
+    if np.median(np.mod(np.diff(azimuth) + np.pi, 2.0 * np.pi)) < np.pi:
+        azimuth = -azimuth  # rings are stored clockwise
+    azimuth = np.mod(azimuth, 2.0 * np.pi)
+    found: list[int] = []
+    last = len(xyz) - _LEAST_POINTS
+    for place in np.flatnonzero(np.diff(azimuth) < -_BACK_RAD) + 1:
+        if place - (found[-1] if found else 0) >= _LEAST_POINTS and place <= last:
+            found.append(int(place))
+    return np.searchsorted(np.array(found, np.int64), np.arange(len(xyz)), side="right")
 
 
 def nearest_lasers(xyz: Array, parameters: LaserParameters) -> NDArray[np.int64]:
@@ -125,7 +134,8 @@ def geometry_of(
         Scanner frame.
     laser_id : ndarray of int, shape (n,)
     parameters : LaserParameters
-        Values for lasers with too few points, or with points at one distance only.
+        Offsets relative to each other for lasers whose points are at one distance only, such as
+        those that see nothing but the road; values for lasers without points.
 
     Returns
     -------
@@ -133,13 +143,19 @@ def geometry_of(
         Of equations (1) to (3).
     """
     v, voff = parameters.v.copy(), parameters.voff.copy()
-    reach = np.hypot(xyz[:, 0], xyz[:, 1])
-    for laser in range(len(parameters)):
-        own = laser_id == laser
-        if np.count_nonzero(own) < 10 or np.ptp(reach[own]) < 1.0:
-            continue
-        slope, offset = _line(reach[own], xyz[own, 2])
-        v[laser], voff[laser] = np.arctan(slope), offset
+    reach, lasers = np.hypot(xyz[:, 0], xyz[:, 1]), range(len(parameters))
+    rows = [np.flatnonzero(laser_id == laser) for laser in lasers]
+    known = [k for k in lasers if len(rows[k]) >= 10 and np.ptp(reach[rows[k]]) >= _SPREAD_M]
+    for laser in known:
+        slope, voff[laser] = _line(reach[rows[laser]], xyz[rows[laser], 2])
+        v[laser] = np.arctan(slope)
+    # Where the origin of the cloud is, the lasers have in common: so it is for the others too.
+    raised = np.median((voff - parameters.voff)[known]) if known else 0.0
+    for laser in (k for k in lasers if k not in known):
+        voff[laser] += raised
+        if len(rows[laser]):
+            up = xyz[rows[laser], 2] - voff[laser]
+            v[laser] = np.median(np.arctan2(up, reach[rows[laser]]))
     zero = np.zeros(len(parameters))
     return LaserParameters(dl=zero, alpha=zero.copy(), v=v, voff=voff, hoff=zero.copy())
 

@@ -22,6 +22,7 @@ app = typer.Typer(
 app.command()(recordings.inspect)
 app.command()(recordings.decode)
 calibration.app.command("from-recording")(recordings.from_recording)
+calibration.app.command("from-cloud")(recordings.from_cloud)
 app.add_typer(calibration.app, name="calibration")
 app.command()(points.points)
 app.command()(init.init)

@@ -46,6 +46,13 @@ def init(
         bool,
         typer.Option("--example", help="Write a small complete study of SIMULATED captures."),
     ] = False,
+    dialect: Annotated[
+        str | None,
+        typer.Option(
+            help="The recordings are clouds of points that this program computed.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Write a ready folder for your own study: configuration, sample table, survey templates.
 
@@ -75,7 +82,9 @@ The report will be {folder / "results/report.html"}."""
         return
     known = scanner_named(scanner or SCANNER, where="--scanner")
     captures = recording or ([] if not survey else None)
-    for path in write_study(folder, known, positions, captures):
+    if dialect is not None and not captures:
+        raise ConfigError("a dialect without clouds", where="--dialect", allowed="with --recording")
+    for path in write_study(folder, known, positions, captures, dialect):
         say(f"wrote {path}")
     if captures is not None:
         say(_unsurveyed(folder, known, bool(captures)))

@@ -27,6 +27,7 @@ from velocal.cli.common import (
 )
 from velocal.errors import ConfigError, RecordingError
 from velocal.io.output import check_outputs
+from velocal.scanner.models import SCANNERS
 from velocal.study.windows import MAX_MISSING
 
 if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
@@ -214,3 +215,37 @@ def from_recording(
     status = scanned(file, port=port, address=address).status
     formats.write(output, status.calibration(str(file)))
     say(f"{output}: {status.tables_text}")
+
+
+def from_cloud(
+    file: File,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Calibration to write: .csv or .json")
+    ],
+    scanner: Annotated[
+        str, typer.Option("--scanner", help=f"One of {', '.join(SCANNERS)}, or a file .yaml")
+    ],
+    frame: Annotated[
+        str | None, typer.Option(help="Axes of the cloud, velocal or ros, where it does not say.")
+    ] = None,
+    address: Address = None,
+    force: Force = False,
+) -> None:
+    """Write the vertical angles and offsets with which the points of a cloud were computed.
+
+    For clouds whose calibration file is not public, as that of KITTI: the file that is written
+    stands for it, and the cloud is one of the dialect paper then.
+    """
+    import numpy as np
+
+    from velocal.calibration.files import formats
+    from velocal.calibration.files.document import CalibrationFile
+    from velocal.recording.cloud import parameters_of_cloud
+    from velocal.study.scanner_file import scanner_of
+
+    check_outputs([output], [file], overwrite=force)
+    known = scanner_of(scanner, where="--scanner")
+    found = parameters_of_cloud(file, known, frame=frame, topic=address)
+    formats.write(output, CalibrationFile(found, "paper", known.name, known.distance_tick_m))
+    degrees = np.rad2deg(found.v - known.vertical_rad)
+    say(f"{output}: vertical angles {np.median(degrees):+.3f} deg from the nominal ones (median)")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,27 +19,28 @@ from numpy.typing import NDArray
 from velocal.arrays import Array, joined_rows
 from velocal.calibration import rings
 from velocal.calibration.applied import AppliedCalibration
-from velocal.calibration.dialects import DIALECTS, dialect_named
+from velocal.calibration.dialects import PAPER
 from velocal.calibration.files.document import CalibrationFile
 from velocal.capture.ledger import Ledger
 from velocal.clouds.block import PointBlock
-from velocal.clouds.origin import digest
-from velocal.clouds.reading import CloudFile, open_cloud
-from velocal.errors import ConfigError, RecordingError
+from velocal.clouds.reading import open_cloud
+from velocal.errors import RecordingError
+from velocal.recording.cloud_made import (
+    USUAL_RATE_HZ,
+    Made,
+    check_lasers,
+    how_made,
+    scanner_of_cloud,
+    with_lasers,
+)
 from velocal.recording.gathering import whole_firings
 from velocal.recording.returns import Returns
-from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner, scanner_named
+from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
 
 #: A point belongs to its laser if it lies this near to the cone of the laser: rounding of files,
 #: and a share of the range (0.03 deg) for numbers that are written with few digits.
 _NEAR_M, _NEAR_RAD = 0.005, 0.0005
-#: Rates of real scanners; what is outside was not measured.
-_RATES_HZ = (1.0, 60.0)
-_USUAL_RATE_HZ = 10.0
-#: Points that decide how a file numbers its lasers, and that a rate is derived from.
-_SOME = 20_000
-FRAMES = ("velocal", "ros")
 _TICK_RAD = np.deg2rad(AZIMUTH_TICK_DEG)
 _HOUR_US = 3_600_000_000
 
@@ -101,18 +102,18 @@ class CloudReturns:
             "from the cones": f"{1e3 * self.residual_m:.2f} mm (median distance of a point from "
             "the cone of its laser)",
         }
-        parts = [f"{number} {reason}" for reason, number in self.left_out.items()]
-        parts += [f"{number} times: {reason}" for reason, number in self.lost.items()]
-        return told | ({"left out": "; ".join(parts)} if parts else {})
+        return told | ({"left out": "; ".join(self.remarks)} if self.remarks else {})
 
     @property
     def remarks(self) -> list[str]:
-        """What a reader of results should know."""
-        return [f"{label}: {text}" for label, text in self.facts.items()]
+        """What was not used, and why."""
+        found = [f"{number} points {reason}" for reason, number in self.left_out.items()]
+        return found + [f"{number} times: {reason}" for reason, number in self.lost.items()]
 
     def as_dict(self) -> dict[str, Any]:
         """Facts for JSON, in the words of `Inspection.as_dict`; every byte is one of the points."""
-        ledger = Ledger(self.bytes, self.kind, framing_bytes=self.bytes)
+        framing = f"{self.kind}, points of {self.dialect}"
+        ledger = Ledger(self.bytes, framing, framing_bytes=self.bytes)
         return {
             "ledger": ledger.as_dict(),
             "gaps": 0,
@@ -127,35 +128,6 @@ class CloudReturns:
             "points_left_out": dict(self.left_out),
             "remarks": self.remarks,
         }
-
-
-@dataclass(frozen=True)
-class _Made:
-    """How the points were made: what turns them into raw values.
-
-    Attributes
-    ----------
-    applied : AppliedCalibration
-    frame : str
-    rounded : bool
-        Whether the program has rounded azimuths that it interpolates.
-    laser_of : ndarray of int64 or None
-        Laser by the number of the file; None where the file has none.
-    lasers : str
-        The same, for people.
-    """
-
-    applied: AppliedCalibration
-    frame: str
-    rounded: bool
-    laser_of: NDArray[np.int64] | None = None
-    lasers: str = ""
-
-    def turned(self, xyz: Array) -> Array:
-        """Points in the scanner frame of this project."""
-        if self.frame == "velocal":
-            return xyz
-        return np.stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]], axis=-1)
 
 
 def read_cloud(
@@ -213,9 +185,9 @@ def read_cloud(
     >>> medians = found.returns.medians(min_count=3)
     """
     file = open_cloud(Path(path), topic)
-    known = _scanner(file, scanner)
+    known = scanner_of_cloud(file, scanner)
     numbers = nominal(known) if calibration is None else calibration
-    made, rate = _how(file, known, numbers, dialect, frame, rotation_rate_hz)
+    made, rate = how_made(file, known, numbers, dialect, frame, rotation_rate_hz)
     parts: list[Returns] = []
     left_out: Counter[str] = Counter()
     residuals: list[Array] = []
@@ -229,8 +201,8 @@ def read_cloud(
         if not len(block):
             continue
         if not made.lasers:
-            made = _with_lasers(made, block, str(path))
-        part, residual = _returns(made, block, left_out)
+            made = with_lasers(made, block, str(path))
+        part, residual = _returns(made, block, left_out, str(path))
         parts.append(part)
         residuals.append(residual)
     used = sum(map(len, residuals))
@@ -252,6 +224,59 @@ def read_cloud(
     )
 
 
+def parameters_of_cloud(
+    path: str | Path, scanner: Scanner, *, frame: str | None = None, topic: str | None = None
+) -> LaserParameters:
+    """Vertical angles and offsets with which the points of a cloud were computed, by laser.
+
+    For clouds whose calibration file is not public, as that of KITTI. The rings are those of the
+    file, else its turns, else the nominal lasers that are nearest.
+
+    Parameters
+    ----------
+    path : str or Path
+        As of `read_cloud`.
+    scanner : Scanner
+        Its nominal vertical angles tell which ring is which laser.
+    frame, topic
+        As of `read_cloud`.
+
+    Returns
+    -------
+    LaserParameters
+        Of equations (1) to (3): with them, `read_cloud` takes the cloud as one of `paper`.
+
+    Raises
+    ------
+    RecordingError
+        If the cloud cannot be read, or has another number of rings than the scanner has lasers.
+    """
+    file = open_cloud(Path(path), topic)
+    design = nominal(scanner)
+    axes = frame or (file.origin.frame if file.origin else file.frame) or "ros"
+    made = Made(AppliedCalibration(PAPER, design, scanner, USUAL_RATE_HZ), axes, False)
+    xyz: list[Array] = []
+    lasers: list[NDArray[np.int64]] = []
+    for block in file.blocks():
+        kept = np.isfinite(block.xyz).all(axis=1) & block.xyz.any(axis=1)
+        points = made.turned(block.xyz[kept])
+        ring = rings.rings_by_turns(points) if block.laser is None else block.laser[kept]
+        laser = rings.lasers_of_rings(ring, points, design)
+        if laser is None and block.laser is None:
+            laser = rings.nearest_lasers(points, design)
+        if laser is None:
+            raise RecordingError(
+                f"a scan has {len(np.unique(ring))} rings",
+                where=str(path),
+                allowed=f"{scanner.n_lasers}, one of every laser of an {scanner.name}",
+            )
+        xyz.append(points)
+        lasers.append(laser)
+    if not xyz:
+        raise RecordingError("holds no points", where=str(path))
+    return rings.geometry_of(np.concatenate(xyz), np.concatenate(lasers), design)
+
+
 _OFF_CONE = "lie on the cone of no laser"
 _NO_TICK = "have a distance that the scanner cannot measure"
 
@@ -264,157 +289,17 @@ def _kept(
     return block if kept.all() else block[kept]
 
 
-def _scanner(file: CloudFile, stated: str | Scanner | None) -> Scanner:
-    """Scanner that is stated, or that the file names."""
-    said = file.origin.scanner if file.origin else None
-    if stated is None:
-        if said is None:
-            raise ConfigError(
-                "does not say which scanner measured it",
-                where=str(file.path),
-                hint="Name the scanner.",
-            )
-        return scanner_named(said, where=str(file.path))
-    known = scanner_named(stated, where="scanner") if isinstance(stated, str) else stated
-    if said is not None and said != known.name:
-        raise ConfigError(
-            f"was made of a recording of {said}, not of {known.name}",
-            where=str(file.path),
-            allowed=said,
-        )
-    return known
-
-
-def _how(
-    file: CloudFile,
-    scanner: Scanner,
-    numbers: CalibrationFile | LaserParameters,
-    dialect: str | None,
-    frame: str | None,
-    rate_hz: float | None,
-) -> tuple[_Made, str]:
-    """How the points were made, and where the rotation rate comes from."""
-    where, origin = str(file.path), file.origin
-    parameters = numbers if isinstance(numbers, LaserParameters) else numbers.parameters
-    name = dialect or (origin.dialect if origin else None)
-    if name is None:
-        raise ConfigError(
-            "does not say which program computed its points",
-            where=where,
-            allowed=", ".join(DIALECTS),
-            hint="Name the program (`dialect`); docs/dialects.md describes them.",
-        )
-    program = dialect_named(name, where="dialect")
-    if len(parameters) != scanner.n_lasers:
-        raise ConfigError(
-            f"the calibration has {len(parameters)} lasers, {scanner.name} has {scanner.n_lasers}",
-            where=where,
-        )
-    if origin is not None:
-        for what, stated, said in (
-            ("dialect", name, origin.dialect),
-            ("frame", frame or origin.frame, origin.frame),
-            ("calibration", digest(parameters), origin.parameters),
-        ):
-            if stated != said:
-                raise ConfigError(
-                    f"its points were made with another {what}: {said}, not {stated}",
-                    where=where,
-                    hint="Give what `velocal points` was given when it wrote the file.",
-                )
-    axes = frame or (origin.frame if origin else file.frame) or program.frame
-    if axes not in FRAMES:
-        raise ConfigError(f"unknown frame {axes!r}", where="frame", allowed=", ".join(FRAMES))
-    rate, source = _rate(file, axes, rate_hz)
-    # `velocal points` leaves the rounding out.
-    made = _Made(AppliedCalibration(program, parameters, scanner, rate), axes, origin is None)
-    return made, f"{rate:.3f} Hz ({source})"
-
-
-def _rate(file: CloudFile, frame: str, stated: float | None) -> tuple[float, str]:
-    """Rotation rate, and where it comes from."""
-    if stated is not None:
-        return stated, "as stated"
-    if file.origin is not None:
-        return file.origin.rotation_rate_hz, "as the file says"
-    found = [_rate_of(block, frame) for block in file.blocks()]
-    measured = [rate for rate in found if _RATES_HZ[0] < rate < _RATES_HZ[1]]
-    if measured:
-        return float(np.median(measured)), "of the times of points"
-    intervals = np.diff(file.stamps_s)
-    file.stamps_s.clear()
-    file.lost.clear()  # the blocks are read again
-    if len(intervals) and intervals.min() > 0:
-        by_stamps = float(1.0 / np.median(intervals))
-        if _RATES_HZ[0] < by_stamps < _RATES_HZ[1]:
-            return by_stamps, "of the times of messages"
-    return _USUAL_RATE_HZ, "taken as usual, as the file has no times"
-
-
-def _rate_of(block: PointBlock, frame: str) -> float:
-    """Rotations per second by azimuth against time; NaN if it is not seen."""
-    if block.time_s is None:
-        return float("nan")
-    chosen = np.isfinite(block.xyz).all(axis=1) & np.isfinite(block.time_s)
-    if block.laser is not None and chosen.any():
-        number = np.bincount(block.laser[chosen]).argmax()
-        chosen &= block.laser == number
-    rows = np.flatnonzero(chosen)[:_SOME]
-    time = block.time_s[rows]
-    order = np.argsort(time, kind="stable")
-    time = time[order] - time.min(initial=np.inf) if len(time) else time
-    if len(rows) < 10 or np.ptp(time) <= 0:
-        return float("nan")
-    x, y = block.xyz[rows[order], :2].T
-    azimuth = np.unwrap(np.arctan2(x, y) if frame == "velocal" else np.arctan2(-y, x))
-    return float(np.polyfit(time, azimuth, 1)[0] / (2.0 * np.pi))
-
-
-def _with_lasers(made: _Made, block: PointBlock, where: str) -> _Made:
-    """Find out how a file numbers its lasers: the way in which points lie on their cones."""
-    applied, n = made.applied, made.applied.scanner.n_lasers
-    if block.laser is None:
-        return replace(made, lasers="found by the order or the elevation of the points")
-    if block.laser.max() >= n:
-        raise RecordingError(
-            f"field {block.laser_field!r}: laser {block.laser.max()}",
-            where=where,
-            allowed=f"0 to {n - 1} of an {applied.scanner.name}",
-            hint="Is this the cloud of another scanner?",
-        )
-    rows = np.linspace(0, len(block) - 1, min(len(block), _SOME)).astype(np.int64)
-    xyz, number = made.turned(block.xyz[rows]), block.laser[rows]
-    found = {
-        name: float(np.median(_off(applied, xyz, laser_of[number], made.rounded)))
-        for name, laser_of in rings.orders(applied.parameters.v).items()
-    }
-    best = min(found, key=lambda name: found[name])
-    return replace(
-        made,
-        laser_of=rings.orders(applied.parameters.v)[best],
-        lasers=f"by the field {block.laser_field!r}, numbered {best}",
-    )
-
-
-def _off(applied: AppliedCalibration, xyz: Array, laser: NDArray[np.int64], rounded: bool) -> Array:
-    """Distance of points from the cone of a laser; infinite where there is no raw value."""
-    return np.nan_to_num(applied.raw(xyz, laser, rounded=rounded).residual_m, nan=np.inf)
-
-
-def _returns(made: _Made, block: PointBlock, left_out: Counter[str]) -> tuple[Returns, Array]:
+def _returns(
+    made: Made, block: PointBlock, left_out: Counter[str], where: str
+) -> tuple[Returns, Array]:
     """Returns of a block, and how far its points are from the cones of their lasers."""
     scanner, xyz = made.applied.scanner, made.turned(block.xyz)
     if block.laser is None or made.laser_of is None:
         by_turn = rings.lasers_of_rings(rings.rings_by_turns(xyz), xyz, made.applied.parameters)
         laser = rings.nearest_lasers(xyz, made.applied.model) if by_turn is None else by_turn
-    elif block.laser.max() < len(made.laser_of):
-        laser = made.laser_of[block.laser]
     else:
-        raise RecordingError(
-            f"laser {block.laser.max()}",
-            where=block.laser_field,
-            allowed=f"up to {len(made.laser_of) - 1}",
-        )
+        check_lasers(made, block, where)
+        laser = made.laser_of[block.laser]
     raw = made.applied.raw(xyz, laser, rounded=made.rounded)
     range_m = np.sqrt((xyz**2).sum(axis=1))
     on_cone = raw.residual_m <= _NEAR_M + _NEAR_RAD * range_m
@@ -436,7 +321,7 @@ def _returns(made: _Made, block: PointBlock, left_out: Counter[str]) -> tuple[Re
     return whole_firings(columns, scanner, made.applied.rate_hz), raw.residual_m[kept]
 
 
-def _no_such_points(made: _Made, points: int, used: int, where: str) -> RecordingError:
+def _no_such_points(made: Made, points: int, used: int, where: str) -> RecordingError:
     """Error for a cloud whose points cannot have been made as it is said."""
     applied = made.applied
     return RecordingError(

@@ -10,6 +10,7 @@ from typing import Any
 
 import jinja2
 
+from velocal.calibration.dialects import DIALECTS, dialect_named
 from velocal.errors import ConfigError
 from velocal.io import storage
 from velocal.io.output import writing
@@ -25,6 +26,7 @@ def write_study(
     scanner: Scanner,
     positions: int,
     recordings: Sequence[Path] | None = None,
+    dialect: str | None = None,
 ) -> list[Path]:
     """Write the files of a study, none of which may exist.
 
@@ -38,6 +40,8 @@ def write_study(
     recordings : sequence of Path, optional
         Captures of a study without a survey; where none is given, its table names `positions`
         captures that are still to be recorded. If left out, the study has a survey.
+    dialect : str, optional
+        Program that computed the points, where the recordings are clouds.
 
     Returns
     -------
@@ -47,8 +51,10 @@ def write_study(
     Raises
     ------
     ConfigError
-        If a file exists, or a recording does not.
+        If a file exists, or a recording does not, or no dialect has that name.
     """
+    if dialect is not None:
+        dialect_named(dialect, where="--dialect")
     for path in recordings or ():
         if not path.is_file():
             raise ConfigError(
@@ -64,6 +70,8 @@ def write_study(
         "captures": CAPTURES,
         "samples": samples,
         "recordings": list(zip(samples, captures or [f"{n}.pcap" for n in samples], strict=True)),
+        "dialect": dialect,
+        "dialects": ", ".join(DIALECTS),
         "positions": [f"P{number + 1}" for number in range(positions)],
         # Scanners without a file of their unit are made to the nominal values.
         "calibration": FACTORY if scanner.has_factory_file else "nominal",

@@ -88,8 +88,7 @@ def test_the_returns_of_a_cloud_are_those_of_its_packets(finished):
     cloud = folder.parent / "walls.pcd"
     for command in (
         ["points", capture_file, "-o", cloud, "--scanner", SCANNER],
-        ["init", folder, "--scanner", SCANNER, "--recording", cloud, "--dialect", "paper",
-         "--checkout", ROOT],
+        ["init", folder, "--scanner", SCANNER, "--recording", cloud, "--dialect", "paper"],
     ):  # fmt: skip
         done = subprocess.run(
             [sys.executable, "-m", "velocal.cli", *command], capture_output=True, text=True

@@ -23,6 +23,11 @@ onstart:
         run_lock.begin(RESULTS, logger.warning)
     except VelocalError as error:
         raise WorkflowError(str(error)) from None
+    # Snakemake's limit of jobs per second makes it look at all jobs again a second after each look,
+    # so that with every job that ends there is one look a second more: after 2000 jobs it does
+    # nothing else. A cluster may need the limit, this machine does not.
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
 
 
 # The last lines of a run repeat what the top of the report says.

@@ -20,8 +20,8 @@ class RuleTimes:
     rule : str
     jobs : int
     wall_s, cpu_s : float
-        Sums over the jobs, in seconds. Snakemake looks at a job twice a second, so that processor
-        time of the last half second of a job is missing.
+        Sums over the jobs, in seconds. Snakemake looks at a job twice a second, and after a quarter
+        of a minute twice a minute: processor time after the last look is missing.
     memory_mb : float
         Largest resident memory of a job.
     """
@@ -85,6 +85,6 @@ def write_summary(folder: Path) -> None:
     ]  # fmt: skip
     lines = ("rule,jobs,wall_s,cpu_s,memory_mb", *map(",".join, rows[:-1]))
     storage.write_text(folder / "summary.csv", "\n".join(lines) + "\n")
-    head = ("rule", "jobs", "wall time (s)", "processor time (s)", "largest memory (MB)")
+    head = ("rule", "jobs", "wall time (s)", "processor time seen (s)", "largest memory (MB)")
     table = markup.markdown_table(head, rows, (False, True, True, True, True))
     storage.write_text(folder / "summary.md", "\n".join(table) + "\n")

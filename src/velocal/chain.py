@@ -352,7 +352,7 @@ def calibrate_without_survey(
     Examples
     --------
     >>> recording = velocal.open_recording("capture.bin", scanner="HDL-32E")
-    >>> medians = recording.medians("all", azimuth_bin_deg=2.0, min_count=3)
+    >>> medians = recording.medians("all", azimuth_bin_deg=1.2, min_count=3)
     >>> factory = velocal.read_parameters("factory.xml", "HDL-32E")
     >>> found = velocal.calibrate_without_survey([medians], "HDL-32E", factory)
     >>> found.hold_out.by

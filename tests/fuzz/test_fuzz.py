@@ -68,6 +68,12 @@ FINDINGS = {
         ),
     ),
     "rows of different lengths in a station": ("station", ragged_station),
+    "a LAS header with a thousand million records, which laspy counted to the end": (
+        "own_las",
+        lambda: (lambda las: las[:100] + b"\xff\xff\xff\x3f" + las[104:])(
+            READERS["own_las"].seeds[0]
+        ),
+    ),
 }
 
 

@@ -316,6 +316,36 @@ def test_wrong_calls(arguments, message, tmp_path):
         read_cloud(path, **arguments)
 
 
+@pytest.mark.parametrize("numbered", ["ring", "laser_id", None])
+def test_angles_and_offsets_are_found_in_a_cloud(numbered, tmp_path):
+    """Of a unit that is not nominal; the highest ring has no point."""
+    known = SCANNERS["VLP-16"]
+    design, rng = nominal(known), np.random.default_rng(1)
+    unit = replace(
+        design, v=design.v + rng.normal(0, 0.002, 16), voff=design.voff + rng.normal(0, 0.01, 16)
+    )
+    rank = np.argsort(np.argsort(design.v))
+    laser = np.repeat(np.argsort(-design.v)[1:], 300)
+    phi = np.tile(-np.linspace(0, 2 * np.pi, 300, endpoint=False) - 1e-3, 15)
+    applied = AppliedCalibration(DIALECTS["paper"], unit, known, 10.0)
+    x, y, z = applied.points(rng.uniform(4, 30, len(phi)), phi, laser).T.astype("f4")
+    columns = {"x": y, "y": -x, "z": z}
+    if numbered:
+        columns[numbered] = (rank[laser] if numbered == "ring" else laser).astype("u1")
+    path, output = tmp_path / "a.pcd", tmp_path / "b.json"
+    path.write_bytes(clouds.pcd(columns))
+    command = ["calibration", "from-cloud", str(path), "-o", str(output), "--scanner", "VLP-16"]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    found = formats.read_for(output, known).parameters
+    seen = np.unique(laser)
+    np.testing.assert_allclose(found.v[seen], unit.v[seen], atol=1e-5)
+    np.testing.assert_allclose(found.voff[seen], unit.voff[seen], atol=1e-4)
+    top = np.argmax(design.v)
+    assert found.v[top] == design.v[top]
+    assert read_cloud(path, known, found, dialect="paper", frame="ros").used == len(laser)
+
+
 # -- in a study ------------------------------------------------------------------------------------
 
 

@@ -119,6 +119,27 @@ def lasers_of_rings(
     return laser[np.searchsorted(numbers, ring)]
 
 
+def lasers_of_numbers(
+    number: NDArray[np.int64], xyz: Array, parameters: LaserParameters
+) -> NDArray[np.int64]:
+    """Laser of every point out of the number that a file gives it; see `orders`.
+
+    Parameters
+    ----------
+    number : ndarray of int64, shape (n,)
+    xyz : ndarray, shape (n, 3)
+    parameters : LaserParameters
+        Their vertical angles decide which of the orders fits best.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+    """
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    ways = [laser_of[number] for laser_of in orders(parameters.v).values()]
+    return min(ways, key=lambda laser: float(np.median(np.abs(elevation - parameters.v[laser]))))
+
+
 def geometry_of(
     xyz: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
 ) -> LaserParameters:

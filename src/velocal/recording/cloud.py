@@ -229,8 +229,8 @@ def parameters_of_cloud(
 ) -> LaserParameters:
     """Vertical angles and offsets with which the points of a cloud were computed, by laser.
 
-    For clouds whose calibration file is not public, as that of KITTI. The rings are those of the
-    file, else its turns, else the nominal lasers that are nearest.
+    For clouds whose calibration file is not public, as that of KITTI. The lasers are those that the
+    file numbers, else its turns from the lowest up, else the nominal lasers that are nearest.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def parameters_of_cloud(
     Raises
     ------
     RecordingError
-        If the cloud cannot be read, or has another number of rings than the scanner has lasers.
+        If the cloud cannot be read, or has more lasers than the scanner.
     """
     file = open_cloud(Path(path), topic)
     design = nominal(scanner)
@@ -260,16 +260,14 @@ def parameters_of_cloud(
     for block in file.blocks():
         kept = np.isfinite(block.xyz).all(axis=1) & block.xyz.any(axis=1)
         points = made.turned(block.xyz[kept])
-        ring = rings.rings_by_turns(points) if block.laser is None else block.laser[kept]
-        laser = rings.lasers_of_rings(ring, points, design)
-        if laser is None and block.laser is None:
-            laser = rings.nearest_lasers(points, design)
-        if laser is None:
-            raise RecordingError(
-                f"a scan has {len(np.unique(ring))} rings",
-                where=str(path),
-                allowed=f"{scanner.n_lasers}, one of every laser of an {scanner.name}",
-            )
+        laser: NDArray[np.int64] | None
+        if block.laser is not None:
+            check_lasers(made, block, str(path))
+            laser = rings.lasers_of_numbers(block.laser[kept], points, design)
+        else:
+            laser = rings.lasers_of_rings(rings.rings_by_turns(points), points, design)
+            if laser is None:
+                laser = rings.nearest_lasers(points, design)
         xyz.append(points)
         lasers.append(laser)
     if not xyz:

@@ -9,13 +9,17 @@ from velocal.calibration.files import formats
 from velocal.evaluation.candidates import Candidate, Role
 from velocal.evaluation.residual_map import residual_map
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.residual_map import residual_images
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
 from velocal.survey.station import read_station
 
 
+@for_each(
+    "assigned", "survey", "calibration", "adjusted", "residuals", "svg", "png", "sample", "scanner",
+    "after", "is_unit", "sigma_cm",
+)  # fmt: skip
 def main(
     *,
     assigned: list[Path],

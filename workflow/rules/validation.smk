@@ -1,4 +1,4 @@
-# Residuals before and after. All windows of a sample are one job.
+# Residuals before and after. All windows of a sample are one job, and the maps of all samples.
 #
 # in:   assigned medians and the window's own adjustment (calibration data), or the calibration
 #       of the unit where the study has no parameter sets;
@@ -22,6 +22,14 @@ STATISTICS_FILES = expand(
 MAPPED = [
     name for name, sample in STUDY.surveyed.items() if STUDY.candidates(sample.scanner)
 ]
+MAPPED_ON = [STUDY.surveyed[name].scanner for name in MAPPED]
+OF_MAPS = {
+    "assigned": [
+        per_window(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", [name])
+        for name in MAPPED
+    ],
+    "calibration": factory_paths(MAPPED_ON),
+}
 
 
 rule residuals_calibration:
@@ -107,25 +115,27 @@ rule summarise_statistics:
 
 rule map_residuals:
     input:
-        assigned=lambda wildcards: per_window(
-            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", [wildcards.sample]
-        ),
-        survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
-        calibration=calibration_file,
-        adjusted=lambda wildcards: f"{RESULTS}/parameter_sets/{sample_of(wildcards).scanner}/"
-        f"{STUDY.shown(sample_of(wildcards).scanner)}.csv",
+        assigned=grouped(OF_MAPS["assigned"]),
+        survey=at_positions(f"{RESULTS}/survey/{{position}}.json", MAPPED),
+        calibration=grouped(OF_MAPS["calibration"]),
+        adjusted=[
+            f"{RESULTS}/parameter_sets/{scanner}/{STUDY.shown(scanner)}.csv"
+            for scanner in MAPPED_ON
+        ],
     output:
-        residuals=f"{RESULTS}/residual_maps/{{sample}}.parquet",
-        svg=f"{RESULTS}/residual_maps/{{sample}}.svg",
-        png=f"{RESULTS}/residual_maps/{{sample}}.png",
+        residuals=expand(f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=MAPPED),
+        svg=expand(f"{RESULTS}/residual_maps/{{sample}}.svg", sample=MAPPED),
+        png=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=MAPPED),
     log:
-        f"{RESULTS}/logs/map_residuals/{{sample}}.log",
+        f"{RESULTS}/logs/map_residuals.log",
     params:
-        scanner=lambda wildcards: sample_of(wildcards).scanner,
-        after=lambda wildcards: STUDY.shown(sample_of(wildcards).scanner),
-        is_unit=lambda wildcards: sample_of(wildcards).scanner in STUDY.calibrations,
+        counts=counts(**OF_MAPS),
+        sample=MAPPED,
+        scanner=MAPPED_ON,
+        after=[STUDY.shown(scanner) for scanner in MAPPED_ON],
+        is_unit=[scanner in STUDY.calibrations for scanner in MAPPED_ON],
         near_points=SETTINGS.joint.near_points,
-        sigma_cm=lambda wildcards: STUDY.sigma_cm(sample_of(wildcards).scanner),
+        sigma_cm=[STUDY.sigma_cm(scanner) for scanner in MAPPED_ON],
         simulated=bool(WORLD),
     script:
         "../../scripts/map_residuals.py"

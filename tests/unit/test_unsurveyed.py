@@ -44,8 +44,11 @@ def errors():
     return found - found.mean()
 
 
-def cloud_of(errors):
-    """Four walls as a unit with errors sees them, with nominal values; rows of every wall."""
+def cloud_of(errors, wave_m=0.0):
+    """Four walls as a unit with errors sees them, with nominal values; rows of every wall.
+
+    The walls have waves of 1.5 m with this standard deviation.
+    """
     rng = np.random.default_rng(5)
     true = NOMINAL.corrected({"dl": errors})
     parts, rows, used = [], {}, 0
@@ -56,6 +59,9 @@ def cloud_of(errors):
         normal = np.array([np.sin(np.deg2rad(middle)), np.cos(np.deg2rad(middle)), 0.0])
         direction, origin = laser_beams(phi, laser, true)
         length = (distance - origin @ normal) / (direction @ normal)
+        along = (origin + length[:, None] * direction) @ np.cross([0.0, 0.0, 1.0], normal)
+        wave = np.sqrt(2.0) * wave_m * np.sin(2.0 * np.pi * along / 1.5)
+        length = length + wave / (direction @ normal)
         raw = length - true.dl[laser] + rng.normal(0.0, NOISE_M, len(laser))
         parts.append((raw, phi, laser))
         rows[name] = used + np.arange(len(laser))
@@ -64,8 +70,8 @@ def cloud_of(errors):
     return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
 
 
-def seen_of(errors, name="room"):
-    cloud, rows = cloud_of(errors)
+def seen_of(errors, name="room", wave_m=0.0):
+    cloud, rows = cloud_of(errors, wave_m)
     planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
     return Seen(name, cloud, planes)
 
@@ -98,10 +104,22 @@ def test_distances_are_found_without_a_survey(errors):
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):
-    """The mean of dl remains near the factory's, though all distances are wrong by 3 cm."""
-    dl = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS).calibration.corrections[:, 0]
+    """The mean of dl remains near the factory's, though all distances are wrong by 3 cm.
+
+    The walls are as uneven as walls are.
+    """
+    seen = seen_of(errors + 0.03, wave_m=0.005)
+    dl = adjust_unsurveyed([seen], SETTINGS).calibration.corrections[:, 0]
     assert abs(dl.mean()) < 0.2 * 0.03
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
+
+
+def test_even_walls_show_what_all_lasers_share(errors):
+    """A wall that is seen at many angles of incidence looks bent if all distances are wrong."""
+    unit = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS)
+    common = next(one for one in unit.common if one.name == "dl")
+    assert common.decided > 0.9
+    assert abs(common.value - 0.03) < 2.0 * common.std < 0.02
 
 
 def test_the_fitted_planes_are_not_believed(errors):
@@ -120,6 +138,17 @@ def test_the_fitted_planes_are_not_believed(errors):
         for each in (seen.planes, moved)
     ]
     assert rms(visible(dl[0][:, 0] - dl[1][:, 0])) < 0.05 * rms(visible(errors))
+
+
+@pytest.mark.parametrize(("wave_m", "least", "most"), [(0.0, 0.0, 0.3), (0.005, 0.5, 1.7)])
+def test_the_unevenness_of_the_walls_is_learnt(errors, wave_m, least, most):
+    """In units of 5 mm. Even walls give smaller standard deviations, uneven ones do not."""
+    seen = seen_of(errors, wave_m=wave_m)
+    unit = adjust_unsurveyed([seen], SETTINGS)
+    assert least < unit.sigma("sigma_relief") < most
+    given = adjust_unsurveyed([seen], replace(SETTINGS, learn_relief=False))
+    ratio = rms(relative_std(unit)[:, 0]) / rms(relative_std(given)[:, 0])
+    assert ratio < 0.8 if wave_m == 0.0 else 0.7 < ratio < 1.4
 
 
 def test_every_plane_is_left_out_once(errors):

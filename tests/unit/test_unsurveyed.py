@@ -204,6 +204,30 @@ def test_one_plane_is_not_judged(errors):
         calibrate_unsurveyed([replace(seen, planes=())], SETTINGS)
 
 
+def test_the_range_scale_is_stated_but_not_extrapolated(errors):
+    """Walls at 2 to 4 m decide on scales of millimetres per metre, and say nothing of 7 m."""
+    scale = np.random.default_rng(7).normal(0.0, 0.005, len(NOMINAL))
+    cloud, rows = cloud_of(errors)
+    short = replace(cloud, distance_m=cloud.distance_m * (1.0 - scale[cloud.laser_id]))
+    cloud = Cloud.from_beams(short, NOMINAL)
+    planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
+    unit = adjust_unsurveyed([Seen("room", cloud, planes)], SETTINGS)
+    found = unit.range_scale
+    assert np.median(found.determined) > 0.5
+    error = found.value - scale
+    assert rms(error - error.mean()) < 0.3 * rms(scale)
+    assert found.near_m.min() == pytest.approx(2.0, abs=0.1)
+    laser, mean = np.arange(len(NOMINAL)), unit.mean_range_m
+    np.testing.assert_allclose(found.change(mean, laser, mean), 0.0, atol=1e-15)
+    np.testing.assert_allclose(found.change(mean + 0.1, laser, mean), 0.1 * found.value, rtol=1e-9)
+    # The correction of a laser stays what it is at the longest range at which it was observed.
+    far = found.change(found.far_m, laser, mean)
+    assert np.abs(far).max() > 0.002
+    np.testing.assert_array_equal(found.change(np.full(len(laser), 50.0), laser, mean), far)
+    # Nothing of it is in the calibration: its dl holds at all ranges.
+    np.testing.assert_array_equal(unit.range_factor([1.0, 50.0]), 1.0)
+
+
 def test_nominal_values_contain_no_far_correction():
     scanner = SCANNERS["HDL-64E-S1"]
     assert unsurveyed_settings(scanner, nominal(scanner)).far_point_m is None

@@ -1,7 +1,9 @@
 """Calibrations without a survey where the truth is known: errors, coverage, rooms, range scale.
 
 Usage: python benchmarks/unsurveyed.py [--draws N] [--seed S] [--tables NAME ...] [--cases NAME ...]
-[--write]
+[--scanners NAME ...] [--write]
+
+`--cases` is for the table `unsurveyed`, `--scanners` for the two others.
 
 Rooms, units and noise are those of the independent world (`velocal.simulation.independent`), whose
 medians are used without its survey. Every plane is fitted to the points that the factory's
@@ -200,10 +202,10 @@ def in_two_rooms(scanner: str, tilt_deg: float, seed: int) -> dict[str, Array]:
     return row
 
 
-def rooms_table(draws: int, seed: int) -> str:
+def rooms_table(scanners: Sequence[str], draws: int, seed: int) -> str:
     """Predicted standard deviations beside the errors that were found."""
     lines = []
-    for scanner in EVERY:
+    for scanner in scanners:
         for tilt in TILTS:
             rows = [in_two_rooms(scanner, tilt, seed + number) for number in range(draws)]
             rms = {
@@ -245,10 +247,11 @@ def scaled_thickness(trial: Trial, unit: UnitCalibration) -> float:
     return thickness(replace(trial, unseen=tuple(changed)), unit.calibration.adjusted)
 
 
-def scale_table(draws: int, seed: int) -> str:
+def scale_table(scanners: Sequence[str], draws: int, seed: int) -> str:
     """What the range scale would bring on planes at places that were not used."""
     lines = []
-    for scanner, every in EVERY.items():
+    for scanner in scanners:
+        every = EVERY[scanner]
         for surfaces, text in ((ROOMS, "2 walls and floor"), (FULL, "5 planes")):
             for size in SCALES:
                 found = []
@@ -324,13 +327,14 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=10)
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--tables", nargs="*", default=TABLES, choices=TABLES)
+    parser.add_argument("--scanners", nargs="*", default=list(EVERY), choices=list(EVERY))
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
     tables: dict[str, Callable[[], str]] = {
         "unsurveyed": lambda: main_table(given.cases, given.draws, given.seed),
-        "unsurveyed_rooms": lambda: rooms_table(given.draws, given.seed),
-        "unsurveyed_scale": lambda: scale_table(given.draws, given.seed),
+        "unsurveyed_rooms": lambda: rooms_table(given.scanners, given.draws, given.seed),
+        "unsurveyed_scale": lambda: scale_table(given.scanners, given.draws, given.seed),
     }
     for name in given.tables:
         table = tables[name]()

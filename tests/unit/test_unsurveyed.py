@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from velocal.errors import VelocalError
-from velocal.evaluation.another_plane import with_another_plane
+from velocal.evaluation.another_plane import with_another_plane, with_another_room
 from velocal.evaluation.holdout import Verdict
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
 from velocal.evaluation.unsurveyed import (
@@ -16,6 +16,7 @@ from velocal.evaluation.unsurveyed import (
     divisions,
     leave_out,
     relative_std,
+    unit_station_of,
     unsurveyed_settings,
 )
 from velocal.geometry.planes import Plane
@@ -248,3 +249,20 @@ def test_one_more_plane_brings_what_was_predicted(errors):
     assert predicted.dl_mm < found[0].dl_mm
     # What all lasers share is hardly known, and no part of these.
     assert (relative_std(unit)[:, 0] < unit.calibration.std[:, 0]).all()
+
+
+def test_another_room_brings_what_was_predicted(errors):
+    """Only directions and planes of the second recording are used, not its distances."""
+    # The lasers shift from recording to recording as much as they usually do.
+    shifts = np.random.default_rng(8).normal(0.0, SETTINGS.shift_m, (2, len(NOMINAL)))
+    first, second = seen_of(errors + shifts[0]), seen_of(errors + shifts[1], "other room")
+    first = first.without([("room", "south"), ("room", "west")])
+    second = second.without([("other room", "north"), ("other room", "east")])
+    unit = adjust_unsurveyed([first], SETTINGS)
+    met = unit_station_of(second).observations
+    found = with_another_room(
+        [first], unit, SETTINGS, replace(met, distance_m=np.zeros(len(met.phi)))
+    )
+    recorded = adjust_unsurveyed([first, second], SETTINGS)
+    assert found.dl_mm == pytest.approx(rms(relative_std(recorded)[:, 0]) * 1e3, rel=0.5)
+    assert found.dl_mm < 0.9 * rms(relative_std(unit)[:, 0]) * 1e3

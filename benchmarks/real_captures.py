@@ -11,6 +11,7 @@ choice of the planes matters. `--write` writes the tables into docs/field.md.
 import argparse
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from velocal.evaluation.unsurveyed import (
     leave_out,
     unsurveyed_settings,
 )
+from velocal.geometry.planes import fit_plane
 from velocal.io.markup import inserted, markdown_table
 from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
@@ -89,6 +91,33 @@ def row(spread: Spread) -> list[str]:
     return [*(f"{number * 100:.2f}" for number in numbers), interval]
 
 
+def scaled_spread(cloud: Cloud, found: LeftOut) -> list[tuple[float, ...]]:
+    """Share of the scale from data, and std of every plane with the scale held and applied, cm."""
+    result: list[tuple[float, ...]] = []
+    for one in found.planes:
+        unit, row = one.unit, one.plane.rows
+        if unit.range_scale is None:
+            continue
+        length = cloud.distance_m + unit.calibration.adjusted.dl[cloud.laser_id]
+        more = unit.range_scale.change(length, cloud.laser_id, unit.mean_range_m)
+        stds = []
+        for change in (0.0, more):
+            beams = replace(cloud, distance_m=cloud.distance_m + change)
+            after = Cloud.from_beams(beams, unit.calibration.adjusted)
+            stds.append(float(np.std(after.s(row, fit_plane(after.xyz[row]).plane))) * 1e2)
+        seen = unit.calibration.observed
+        result.append((float(np.median(unit.range_scale.determined[seen])) * 1e2, *stds))
+    return result
+
+
+def scale_row(name: str, cloud: Cloud, found: LeftOut) -> list[str]:
+    """What the range scale would bring on the planes of a capture that were left out."""
+    share, held, applied = np.array(scaled_spread(cloud, found)).T
+    gains = ", ".join(f"{gain:.2f}" for gain in held - applied)
+    means = (f"{each.mean():.2f}" for each in (held, applied))
+    return [f"`{name}`", f"{share.min():.0f} to {share.max():.0f}", *means, gains]
+
+
 def rows(name: str, found: LeftOut) -> list[list[str]]:
     """One row per plane, and one for their mean."""
     table = [
@@ -107,11 +136,15 @@ def rows(name: str, found: LeftOut) -> list[list[str]]:
 
 def tables(folder: Path) -> dict[str, str]:
     """Markdown of both tables, by the name of their marks."""
-    by_plane, by_seed = [], []
+    by_plane, by_seed, by_scale = [], [], []
     for name, sample in samples().items():
         cloud = cloud_of(sample, folder)
         found = left_out(sample, cloud, planes_of(name, cloud))
         by_plane += rows(name, found)
+        by_scale.append(scale_row(name, cloud, found))
+        print(
+            *(" | ".join(each) for each in [*rows(name, found), by_scale[-1]]), sep="\n", flush=True
+        )
         if name in configured()[1].patches:
             continue
         for seed in SEEDS:
@@ -121,9 +154,17 @@ def tables(folder: Path) -> dict[str, str]:
             by_seed.append([f"`{name}`", str(seed), str(len(found.planes)), *row(found.mean)])
     change = ["before, cm", "after, cm", "within lasers, cm", "gain, cm", "95 %, cm"]
     plane = ["sample", "plane left out", "range, m", "incidence, deg", "lasers", *change]
+    scale = [
+        "sample",
+        "share from data, %",
+        "scale held, cm",
+        "scale applied, cm",
+        "gain by plane, cm",
+    ]
     seeds = ["sample", "seed", "planes", *change]
     return {
         "real_captures": "\n".join(markdown_table(plane, by_plane, [False] * 2 + [True] * 8)),
+        "real_captures_scale": "\n".join(markdown_table(scale, by_scale, [False] + [True] * 4)),
         "real_captures_seeds": "\n".join(markdown_table(seeds, by_seed, [False] + [True] * 7)),
     }
 

@@ -1,29 +1,42 @@
-"""Calibrations without a survey where the truth is known: one room against two, errors, coverage.
+"""Calibrations without a survey where the truth is known: errors, coverage, rooms, range scale.
 
-Usage: python benchmarks/unsurveyed.py [--draws N] [--seed S] [--cases NAME ...] [--write]
+Usage: python benchmarks/unsurveyed.py [--draws N] [--seed S] [--tables NAME ...] [--cases NAME ...]
+[--scanners NAME ...] [--write]
+
+`--cases` is for the table `unsurveyed`, `--scanners` for the two others.
 
 Rooms, units and noise are those of the independent world (`velocal.simulation.independent`), whose
 medians are used without its survey. Every plane is fitted to the points that the factory's
-parameters give. `--write` writes the table into docs/field.md.
+parameters give. `--write` writes the tables into docs/field.md.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
-from velocal.adjustment.unit.result import NAMES
-from velocal.arrays import joined_rows
+from velocal.adjustment.observations import Observations
+from velocal.adjustment.unit.result import NAMES, UnitCalibration
+from velocal.arrays import Array, joined_rows
 from velocal.chain import calibrate_on_planes
+from velocal.evaluation.another_plane import with_another_room
 from velocal.evaluation.planes_in_data import Cloud, FieldPlane, plane_of
-from velocal.evaluation.unsurveyed import Seen, relative_std
+from velocal.evaluation.unsurveyed import (
+    Seen,
+    adjust_unsurveyed,
+    relative_std,
+    unsurveyed_settings,
+)
 from velocal.geometry.planes import fit_plane
 from velocal.io.markup import inserted, markdown_table
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import LaserParameters
-from velocal.simulation.independent.plan import Plan
+from velocal.simulation.independent.plan import Plan, SurveyErrors, UnitErrors
 from velocal.simulation.independent.trial import Trial, draw
 
 DOC = Path(__file__).parents[1] / "docs/field.md"
@@ -31,11 +44,13 @@ DOC = Path(__file__).parents[1] / "docs/field.md"
 FIRST_SEED = 3001
 ROOMS = ("long", "short", "floor")
 FULL = ("long", "short", "floor", "board", "far")
+#: One azimuth bin of this number is used.
+EVERY = {"VLP-16": 2, "HDL-32E": 4}
 CASES = {
     f"{scanner}, {text}": Plan(
         scanner=scanner, stations=n, tilt_deg=tilt, surfaces=surfaces, windows=1, every=every
     )
-    for scanner, every in (("VLP-16", 1), ("HDL-32E", 2))
+    for scanner, every in EVERY.items()
     for text, n, tilt, surfaces in (
         ("1 place, 2 walls and floor", 1, 0.0, ROOMS),
         ("1 place, 5 planes", 1, 0.0, FULL),
@@ -43,6 +58,23 @@ CASES = {
         ("2 places tilted by 15 deg, 2 walls and floor", 2, 15.0, ROOMS),
     )
 }
+#: Worlds that differ from that of the other cases in one thing.
+WORLDS: dict[str, dict[str, Any]] = {
+    "surfaces uneven by 5 mm": {"survey": SurveyErrors(flatness_mm=5.0)},
+    "voff and hoff wrong by 3 mm": {"unit": UnitErrors(voff_mm=3.0, hoff_mm=3.0)},
+}
+CASES |= {
+    f"{scanner}, 1 place, 5 planes, {text}": Plan(
+        scanner=scanner, surfaces=FULL, windows=1, every=every, **world
+    )
+    for scanner, every in EVERY.items()
+    for text, world in WORLDS.items()
+}
+#: The second room, and tilts of the scanner in it, degrees.
+OTHER_ROOM = ("short", "far", "floor", "board")
+TILTS = (0.0, 15.0)
+#: Range scales of the lasers that are simulated: standard deviations, metres per metre.
+SCALES = (0.0, 0.001, 0.003)
 #: Half width of a 95 % interval in standard deviations.
 NORMAL_95 = 1.959964
 _DEG = 180.0 / np.pi
@@ -77,25 +109,27 @@ def thickness(trial: Trial, parameters: LaserParameters) -> float:
     return float(np.mean(found)) * 1e2
 
 
+def wanted(trial: Trial, range_m: Array) -> Array:
+    """True corrections of dl at the ranges of the lasers, alpha and v, shape (lasers, 3)."""
+    true, factory = trial.true, trial.factory
+    dl = [float(trial.correction(r, slice(k, k + 1))[0]) for k, r in enumerate(range_m)]
+    return np.column_stack(
+        [np.array(dl) - factory.dl, true.alpha - factory.alpha, true.v - factory.v]
+    )
+
+
 def judged(plan: Plan, seed: int) -> dict[str, float]:
     """Errors, coverage and thickness of planes of one draw."""
     trial = draw(plan, seed)
     result = calibrate_on_planes(seen_of(trial), trial.scanner)
     calibration, true, factory = result.unit.calibration, trial.true, trial.factory
-    at = result.unit.mean_range_m
-    wanted = np.column_stack(
-        [
-            [float(trial.correction(r, slice(k, k + 1))[0]) for k, r in enumerate(at)] - factory.dl,
-            true.alpha - factory.alpha,
-            true.v - factory.v,
-        ]
-    )
+    truth = wanted(trial, result.unit.mean_range_m)
     found = calibration.corrections
     std = relative_std(result.unit)
     row: dict[str, float] = {"better": float(result.recommended)}
     for i, (name, unit) in enumerate(zip(NAMES, (1e2, _DEG, _DEG), strict=True)):
-        before = wanted[:, i] - wanted[:, i].mean()
-        error = found[:, i] - wanted[:, i]
+        before = truth[:, i] - truth[:, i].mean()
+        error = found[:, i] - truth[:, i]
         error = error - error.mean()
         row[f"{name}_before"] = float(np.sqrt(np.mean(before**2))) * unit
         row[f"{name}_after"] = float(np.sqrt(np.mean(error**2))) * unit
@@ -134,6 +168,145 @@ def line(name: str, rows: Sequence[dict[str, float]]) -> list[str]:
     ]
 
 
+def relative(unit: UnitCalibration, trial: Trial) -> tuple[Array, Array]:
+    """Root mean square over the lasers of the errors and of the stated standard deviations."""
+    error = unit.calibration.corrections - wanted(trial, unit.mean_range_m)
+    error -= error.mean(axis=0)
+    return np.sqrt(np.mean(error**2, axis=0)), np.sqrt(np.mean(relative_std(unit) ** 2, axis=0))
+
+
+def in_two_rooms(scanner: str, tilt_deg: float, seed: int) -> dict[str, Array]:
+    """One room, what another one is predicted to bring, and what it brings.
+
+    The unit of a seed is the same in all rooms.
+    """
+    plan = Plan(scanner=scanner, surfaces=ROOMS, windows=1, every=EVERY[scanner])
+    first = draw(plan, seed)
+    # The second station of the other room: another place too.
+    other = draw(replace(plan, surfaces=OTHER_ROOM, stations=2, tilt_deg=tilt_deg), seed)
+    assert np.array_equal(first.true.dl, other.true.dl)
+    one, two = seen_of(first)[0], replace(seen_of(other)[1], name="other room")
+    settings = unsurveyed_settings(SCANNERS[scanner], first.factory)
+    unit = adjust_unsurveyed([one], settings)
+    expected = with_another_room([one], unit, settings, other.stations[1].windows[0])
+    both = adjust_unsurveyed([one, two], settings)
+    row = {
+        "predicted": np.array(
+            [expected.dl_mm * 1e-3, *np.deg2rad([expected.alpha_deg, expected.v_deg])]
+        )
+    }
+    for name, found in (("one", unit), ("both", both)):
+        row[f"{name}_error"], row[f"{name}_std"] = relative(found, first)
+        thick = [thickness(trial, found.calibration.adjusted) for trial in (first, other)]
+        row[f"{name}_thick"] = np.array([np.mean(thick)])
+    return row
+
+
+def rooms_table(scanners: Sequence[str], draws: int, seed: int) -> str:
+    """Predicted standard deviations beside the errors that were found."""
+    lines = []
+    for scanner in scanners:
+        for tilt in TILTS:
+            rows = [in_two_rooms(scanner, tilt, seed + number) for number in range(draws)]
+            rms = {
+                key: np.sqrt(np.mean([row[key] ** 2 for row in rows], axis=0)) for key in rows[0]
+            }
+            for i, (name, unit) in enumerate(
+                (("dl, cm", 1e2), ("alpha, deg", _DEG), ("v, deg", _DEG))
+            ):
+                keys = ("one_std", "one_error", "predicted", "both_std", "both_error")
+                thick = f"{rms['one_thick'][0]:.2f} / {rms['both_thick'][0]:.2f}" if i == 0 else ""
+                case = f"{scanner}, second room tilted by {tilt:g} deg" if i == 0 else ""
+                lines.append([case, str(draws) if i == 0 else "", name,
+                              *(f"{rms[key][i] * unit:.3f}" for key in keys), thick])  # fmt: skip
+            print(*(" | ".join(each) for each in lines[-3:]), sep="\n", flush=True)
+    return "\n".join(markdown_table(ROOMS_HEADING, lines, [False, True, False] + [True] * 6))
+
+
+def with_scale(trial: Trial, size: float, seed: int) -> Trial:
+    """The same with a range scale in the distances of every laser."""
+    kappa = np.random.default_rng([seed, 3]).normal(0.0, size, len(trial.factory))
+
+    def scaled(data: Observations) -> Observations:
+        return replace(data, distance_m=data.distance_m * (1.0 - kappa[data.laser_id]))
+
+    stations = tuple(
+        replace(each, windows=tuple(map(scaled, each.windows))) for each in trial.stations
+    )
+    return replace(trial, stations=stations, unseen=tuple(map(scaled, trial.unseen)))
+
+
+def scaled_thickness(trial: Trial, unit: UnitCalibration) -> float:
+    """As `thickness`, with the range scale that was estimated, constant beyond its ranges."""
+    assert unit.range_scale is not None
+    changed = []
+    for data in trial.unseen:
+        length = data.distance_m + unit.calibration.adjusted.dl[data.laser_id]
+        more = unit.range_scale.change(length, data.laser_id, unit.mean_range_m)
+        changed.append(replace(data, distance_m=data.distance_m + more))
+    return thickness(replace(trial, unseen=tuple(changed)), unit.calibration.adjusted)
+
+
+def scale_table(scanners: Sequence[str], draws: int, seed: int) -> str:
+    """What the range scale would bring on planes at places that were not used."""
+    lines = []
+    for scanner in scanners:
+        every = EVERY[scanner]
+        for surfaces, text in ((ROOMS, "2 walls and floor"), (FULL, "5 planes")):
+            for size in SCALES:
+                found = []
+                for number in range(draws):
+                    plan = Plan(
+                        scanner=scanner, surfaces=surfaces, windows=1, every=every, stations=2
+                    )
+                    trial = with_scale(draw(plan, seed + number), size, seed + number)
+                    settings = unsurveyed_settings(SCANNERS[scanner], trial.factory)
+                    unit = adjust_unsurveyed(
+                        seen_of(trial), replace(settings, integration_points=1)
+                    )
+                    assert unit.range_scale is not None
+                    held = thickness(trial, unit.calibration.adjusted)
+                    found.append(
+                        (
+                            held,
+                            scaled_thickness(trial, unit),
+                            np.median(unit.range_scale.determined),
+                        )
+                    )
+                held, applied, share = np.array(found).T
+                gain = held - applied
+                half = stdtrit(draws - 1, 0.975) * gain.std(ddof=1) / np.sqrt(draws)
+                lines.append([
+                    f"{scanner}, 2 places, {text}", f"{size * 1e3:g}", str(draws),
+                    f"{np.mean(share) * 100:.0f}", f"{held.mean():.3f}", f"{applied.mean():.3f}",
+                    f"{gain.mean():.3f}", f"{gain.mean() - half:.3f} to {gain.mean() + half:.3f}",
+                ])  # fmt: skip
+                print(" | ".join(lines[-1]), flush=True)
+    return "\n".join(markdown_table(SCALE_HEADING, lines, [False] + [True] * 7))
+
+
+TABLES = ["unsurveyed", "unsurveyed_rooms", "unsurveyed_scale"]
+ROOMS_HEADING = [
+    "case",
+    "draws",
+    "",
+    "one room: stated std",
+    "one room: rms error",
+    "both: predicted std",
+    "both: stated std",
+    "both: rms error",
+    "unseen with one / both, cm",
+]
+SCALE_HEADING = [
+    "case",
+    "true scale, mm/m",
+    "draws",
+    "share from data, %",
+    "unseen, scale held, cm",
+    "unseen, scale applied, cm",
+    "gain, cm",
+    "95 %, cm",
+]
 HEADING = [
     "case",
     "draws",
@@ -153,17 +326,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=10)
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--tables", nargs="*", default=TABLES, choices=TABLES)
+    parser.add_argument("--scanners", nargs="*", default=list(EVERY), choices=list(EVERY))
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
+    tables: dict[str, Callable[[], str]] = {
+        "unsurveyed": lambda: main_table(given.cases, given.draws, given.seed),
+        "unsurveyed_rooms": lambda: rooms_table(given.scanners, given.draws, given.seed),
+        "unsurveyed_scale": lambda: scale_table(given.scanners, given.draws, given.seed),
+    }
+    for name in given.tables:
+        table = tables[name]()
+        if given.write:
+            DOC.write_text(inserted(DOC.read_text("utf-8"), name, table), "utf-8")
+
+
+def main_table(cases: Sequence[str], draws: int, seed: int) -> str:
+    """Errors, coverage and thickness of planes of every case."""
     lines = []
-    for name in given.cases:
-        rows = [judged(CASES[name], given.seed + number) for number in range(given.draws)]
-        lines.append(line(name, rows))
+    for name in cases:
+        lines.append(line(name, [judged(CASES[name], seed + number) for number in range(draws)]))
         print(" | ".join(lines[-1]), flush=True)
-    table = "\n".join(markdown_table(HEADING, lines, [False] + [True] * 9))
-    if given.write:
-        DOC.write_text(inserted(DOC.read_text("utf-8"), "unsurveyed", table), "utf-8")
+    return "\n".join(markdown_table(HEADING, lines, [False] + [True] * 9))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from velocal import __version__
@@ -11,7 +10,6 @@ from velocal.calibration.files import formats
 from velocal.chain import calibrate_on_planes, points_of
 from velocal.evaluation.another_plane import with_another_plane
 from velocal.evaluation.holdout import to_columns
-from velocal.evaluation.planes_in_data import plane_of
 from velocal.evaluation.unsurveyed import (
     PlaneKey,
     Seen,
@@ -68,11 +66,9 @@ def main(
         rates_hz.append(facts["rotation_rate_hz"])
         cloud = points_of(beams, factory, joint.near_points)
         rows, planes = storage.read_table(on_planes, schemas.MEMBERS)
-        found = (
-            plane_of(plane, cloud, rows["row"][rows["plane"] == number].astype(np.int64))
-            for number, plane in enumerate(planes["planes"])
+        recordings.append(
+            Seen.of_members(name, cloud, rows["row"], rows["plane"], planes["planes"])
         )
-        recordings.append(Seen(name, cloud, tuple(found)))
     settings = unsurveyed_settings(known, factory, joint.prior.std() if joint.prior else None)
     only_judged = _only_judged(recordings, chosen)
     result = calibrate_on_planes(

@@ -318,6 +318,7 @@ def test_script_reads_what_is_there(tmp_path):
         "field_pictures": [],
         "unit_pictures": [],
         "unit_tables": [],
+        "drift_pictures": [],
         "outdoor_pictures": [],
         "outdoor_numbers": [],
     }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from velocal.errors import VelocalError
-from velocal.evaluation.another_plane import with_another_plane
+from velocal.evaluation.another_plane import with_another_plane, with_another_room
 from velocal.evaluation.holdout import Verdict
 from velocal.evaluation.planes_in_data import Cloud, PlaneLimits, fit_robustly
 from velocal.evaluation.unsurveyed import (
@@ -16,6 +16,7 @@ from velocal.evaluation.unsurveyed import (
     divisions,
     leave_out,
     relative_std,
+    unit_station_of,
     unsurveyed_settings,
 )
 from velocal.geometry.planes import Plane
@@ -44,8 +45,11 @@ def errors():
     return found - found.mean()
 
 
-def cloud_of(errors):
-    """Four walls as a unit with errors sees them, with nominal values; rows of every wall."""
+def cloud_of(errors, wave_m=0.0):
+    """Four walls as a unit with errors sees them, with nominal values; rows of every wall.
+
+    The walls have waves of 1.5 m with this standard deviation.
+    """
     rng = np.random.default_rng(5)
     true = NOMINAL.corrected({"dl": errors})
     parts, rows, used = [], {}, 0
@@ -56,6 +60,9 @@ def cloud_of(errors):
         normal = np.array([np.sin(np.deg2rad(middle)), np.cos(np.deg2rad(middle)), 0.0])
         direction, origin = laser_beams(phi, laser, true)
         length = (distance - origin @ normal) / (direction @ normal)
+        along = (origin + length[:, None] * direction) @ np.cross([0.0, 0.0, 1.0], normal)
+        wave = np.sqrt(2.0) * wave_m * np.sin(2.0 * np.pi * along / 1.5)
+        length = length + wave / (direction @ normal)
         raw = length - true.dl[laser] + rng.normal(0.0, NOISE_M, len(laser))
         parts.append((raw, phi, laser))
         rows[name] = used + np.arange(len(laser))
@@ -64,8 +71,8 @@ def cloud_of(errors):
     return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
 
 
-def seen_of(errors, name="room"):
-    cloud, rows = cloud_of(errors)
+def seen_of(errors, name="room", wave_m=0.0):
+    cloud, rows = cloud_of(errors, wave_m)
     planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
     return Seen(name, cloud, planes)
 
@@ -98,10 +105,22 @@ def test_distances_are_found_without_a_survey(errors):
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):
-    """The mean of dl remains near the factory's, though all distances are wrong by 3 cm."""
-    dl = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS).calibration.corrections[:, 0]
+    """The mean of dl remains near the factory's, though all distances are wrong by 3 cm.
+
+    The walls are as uneven as walls are.
+    """
+    seen = seen_of(errors + 0.03, wave_m=0.005)
+    dl = adjust_unsurveyed([seen], SETTINGS).calibration.corrections[:, 0]
     assert abs(dl.mean()) < 0.2 * 0.03
     assert rms(visible(dl - errors)) < 0.05 * rms(visible(errors))
+
+
+def test_even_walls_show_what_all_lasers_share(errors):
+    """A wall that is seen at many angles of incidence looks bent if all distances are wrong."""
+    unit = adjust_unsurveyed([seen_of(errors + 0.03)], SETTINGS)
+    common = next(one for one in unit.common if one.name == "dl")
+    assert common.decided > 0.9
+    assert abs(common.value - 0.03) < 2.0 * common.std < 0.02
 
 
 def test_the_fitted_planes_are_not_believed(errors):
@@ -120,6 +139,17 @@ def test_the_fitted_planes_are_not_believed(errors):
         for each in (seen.planes, moved)
     ]
     assert rms(visible(dl[0][:, 0] - dl[1][:, 0])) < 0.05 * rms(visible(errors))
+
+
+@pytest.mark.parametrize(("wave_m", "least", "most"), [(0.0, 0.0, 0.3), (0.005, 0.5, 1.7)])
+def test_the_unevenness_of_the_walls_is_learnt(errors, wave_m, least, most):
+    """In units of 5 mm. Even walls give smaller standard deviations, uneven ones do not."""
+    seen = seen_of(errors, wave_m=wave_m)
+    unit = adjust_unsurveyed([seen], SETTINGS)
+    assert least < unit.sigma("sigma_relief") < most
+    given = adjust_unsurveyed([seen], replace(SETTINGS, learn_relief=False))
+    ratio = rms(relative_std(unit)[:, 0]) / rms(relative_std(given)[:, 0])
+    assert ratio < 0.8 if wave_m == 0.0 else 0.7 < ratio < 1.4
 
 
 def test_every_plane_is_left_out_once(errors):
@@ -175,6 +205,30 @@ def test_one_plane_is_not_judged(errors):
         calibrate_unsurveyed([replace(seen, planes=())], SETTINGS)
 
 
+def test_the_range_scale_is_stated_but_not_extrapolated(errors):
+    """Walls at 2 to 4 m decide on scales of millimetres per metre, and say nothing of 7 m."""
+    scale = np.random.default_rng(7).normal(0.0, 0.005, len(NOMINAL))
+    cloud, rows = cloud_of(errors)
+    short = replace(cloud, distance_m=cloud.distance_m * (1.0 - scale[cloud.laser_id]))
+    cloud = Cloud.from_beams(short, NOMINAL)
+    planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
+    unit = adjust_unsurveyed([Seen("room", cloud, planes)], SETTINGS)
+    found = unit.range_scale
+    assert np.median(found.determined) > 0.5
+    error = found.value - scale
+    assert rms(error - error.mean()) < 0.3 * rms(scale)
+    assert found.near_m.min() == pytest.approx(2.0, abs=0.1)
+    laser, mean = np.arange(len(NOMINAL)), unit.mean_range_m
+    np.testing.assert_allclose(found.change(mean, laser, mean), 0.0, atol=1e-15)
+    np.testing.assert_allclose(found.change(mean + 0.1, laser, mean), 0.1 * found.value, rtol=1e-9)
+    # The correction of a laser stays what it is at the longest range at which it was observed.
+    far = found.change(found.far_m, laser, mean)
+    assert np.abs(far).max() > 0.002
+    np.testing.assert_array_equal(found.change(np.full(len(laser), 50.0), laser, mean), far)
+    # Nothing of it is in the calibration: its dl holds at all ranges.
+    np.testing.assert_array_equal(unit.range_factor([1.0, 50.0]), 1.0)
+
+
 def test_nominal_values_contain_no_far_correction():
     scanner = SCANNERS["HDL-64E-S1"]
     assert unsurveyed_settings(scanner, nominal(scanner)).far_point_m is None
@@ -195,3 +249,20 @@ def test_one_more_plane_brings_what_was_predicted(errors):
     assert predicted.dl_mm < found[0].dl_mm
     # What all lasers share is hardly known, and no part of these.
     assert (relative_std(unit)[:, 0] < unit.calibration.std[:, 0]).all()
+
+
+def test_another_room_brings_what_was_predicted(errors):
+    """Only directions and planes of the second recording are used, not its distances."""
+    # The lasers shift from recording to recording as much as they usually do.
+    shifts = np.random.default_rng(8).normal(0.0, SETTINGS.shift_m, (2, len(NOMINAL)))
+    first, second = seen_of(errors + shifts[0]), seen_of(errors + shifts[1], "other room")
+    first = first.without([("room", "south"), ("room", "west")])
+    second = second.without([("other room", "north"), ("other room", "east")])
+    unit = adjust_unsurveyed([first], SETTINGS)
+    met = unit_station_of(second).observations
+    found = with_another_room(
+        [first], unit, SETTINGS, replace(met, distance_m=np.zeros(len(met.phi)))
+    )
+    recorded = adjust_unsurveyed([first, second], SETTINGS)
+    assert found.dl_mm == pytest.approx(rms(relative_std(recorded)[:, 0]) * 1e3, rel=0.5)
+    assert found.dl_mm < 0.9 * rms(relative_std(unit)[:, 0]) * 1e3

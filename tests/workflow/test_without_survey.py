@@ -73,10 +73,22 @@ def test_one_more_plane_is_judged_beforehand(finished):
     assert (more["dl_mm"][1:] < 1.1 * more["dl_mm"][0]).all()
 
 
+def test_two_halves_of_the_recording_are_compared(finished):
+    """The twelve rotations are divided into two windows. The lasers drift by less than 1.3 mm."""
+    table = pd.read_csv(finished / f"calibrations/{SCANNER}/all.drift.csv")
+    assert sorted(table["window"].unique()) == [1, 2]
+    assert table["compared"].nunique() == 1
+    singles = table[table["part"] == "laser"]
+    assert singles["laser_id"].nunique() >= 16
+    assert (singles["std_cm"] < 0.1).all()
+    assert np.sqrt(np.mean(singles["change_cm"] ** 2)) < 0.13
+
+
 def test_report_and_certificate_speak_of_it(finished):
     report = (finished / "report.html").read_text()
     assert f"Calibration {SCANNER}/all" in report
     assert "a common correction of the distances of all lasers is hardly seen" in report
+    assert f"Changes of the distances of {SCANNER}/all over time" in report
     certificate = json.loads((finished / "certificate.json").read_text())["certificates"][0]
     assert certificate["recordings"][0]["position"] == ""
     assert not [file for file in certificate["files"] if "survey" in file["role"]]

@@ -11,7 +11,9 @@
 #                                                            calibration.smk; the picture shows
 #                                                            corrections, and planes left out;
 #                                                            {calibration}.more.csv tells what one
-#                                                            more plane would bring
+#                                                            more plane would bring;
+#                                                            {calibration}.drift.{csv,svg,png} tell
+#                                                            whether its distances have changed
 
 UNSURVEYED = SETTINGS.unsurveyed
 UNSURVEYED_SETS = [
@@ -33,7 +35,7 @@ UNSURVEYED_UNITS = [
 FIELD_FILES += expand(
     f"{RESULTS}/calibrations/{{unit}}.{{suffix}}",
     unit=UNSURVEYED_UNITS,
-    suffix=("csv", "svg", "png"),
+    suffix=("csv", "svg", "png", "drift.csv", "drift.svg", "drift.png"),
 )
 
 
@@ -94,6 +96,52 @@ rule adjust_unsurveyed:
         chosen=lambda wildcards: UNSURVEYED.judged.plain(),
     script:
         "../../scripts/adjust_unsurveyed.py"
+
+
+rule measure_stability:
+    input:
+        returns=lambda wildcards: per_window(
+            f"{RESULTS}/returns/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        medians=lambda wildcards: per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        members=lambda wildcards: expand(
+            f"{RESULTS}/field/{{sample}}/planes.parquet",
+            sample=samples_of_calibration(wildcards),
+        ),
+        recordings=lambda wildcards: [
+            STUDY.samples[name].recording for name in samples_of_calibration(wildcards)
+        ],
+        rotations=lambda wildcards: expand(
+            f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+            sample=samples_of_calibration(wildcards),
+        ),
+        calibration=factory_of_calibration,
+        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+    output:
+        csv=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.csv",
+        svg=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.svg",
+        png=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.png",
+    log:
+        f"{RESULTS}/logs/measure_stability/{{scanner}}.{{unit}}.log",
+    wildcard_constraints:
+        unit=one_of(UNSURVEYED_SETS),
+    resources:
+        mem_mb=1200,
+    params:
+        samples=samples_of_calibration,
+        ports=lambda wildcards: [
+            STUDY.samples[name].port for name in samples_of_calibration(wildcards)
+        ],
+        addresses=lambda wildcards: [
+            STUDY.samples[name].address for name in samples_of_calibration(wildcards)
+        ],
+        joint=SETTINGS.joint.plain(),
+    script:
+        "../../scripts/measure_stability.py"
 
 
 rule tabulate_field:

@@ -109,6 +109,9 @@ rule write_report:
         unit_tables=expand(
             f"{RESULTS}/calibrations/{{unit}}.more.csv", unit=UNSURVEYED_UNITS
         ),
+        drift_pictures=expand(
+            f"{RESULTS}/calibrations/{{unit}}.drift.png", unit=UNSURVEYED_UNITS
+        ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
         outdoor_numbers=figure_files(OUTDOOR_FIGURES, ["csv"]),

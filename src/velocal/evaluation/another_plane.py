@@ -1,6 +1,6 @@
-"""What one more plane would bring to a calibration without a survey, before anybody records it.
+"""What one more plane or room would bring to a calibration without a survey, before it is recorded.
 
-The points of the new plane are simulated with the parameters and the noise that the adjustment
+The points of the new planes are simulated with the parameters and the noise that the adjustment
 found, and the unit is adjusted again: the standard deviations are those that it would state.
 """
 
@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.adjustment.observations import Observations
+from velocal.adjustment.unit.model import relief
+from velocal.adjustment.unit.noise import correlation
 from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.arrays import Array
 from velocal.evaluation.planes_in_data import Cloud, plane_of
-from velocal.evaluation.unsurveyed import Seen, adjust_unsurveyed, relative_std
+from velocal.evaluation.unsurveyed import FLATNESS_M, Seen, adjust_unsurveyed, relative_std
 from velocal.scanner.beam import Beams, laser_beams
 
 #: Half of the azimuths at which the new plane is seen, and largest angle of incidence.
@@ -43,6 +46,9 @@ class Expected:
         Of the corrections relative to their mean over the lasers.
     alpha_from_data, v_from_data : float
         Share that the data decide, median over the lasers; an angle that is not adjusted has 0.
+    scale_from_data : float
+        The same of the range scale, which planes at other distances decide; it is not corrected.
+        NaN where there is a far point.
     """
 
     planes: str
@@ -52,6 +58,7 @@ class Expected:
     v_deg: float
     alpha_from_data: float
     v_from_data: float
+    scale_from_data: float
 
 
 def with_another_plane(
@@ -79,11 +86,45 @@ def with_another_plane(
     for number, (name, plane) in enumerate(_candidates(used).items()):
         new = _simulated(used[0], unit, *plane, np.random.default_rng([_SEED, number]))
         if new is not None:
-            found.append(_expected(name, adjust_unsurveyed([*used, new], settings)))
+            more = [_joined(used[0], new), *used[1:]]
+            found.append(_expected(name, adjust_unsurveyed(more, settings)))
     return tuple(found)
 
 
+def with_another_room(
+    recordings: Sequence[Seen], unit: UnitCalibration, settings: UnitSettings, room: Observations
+) -> Expected:
+    """Tell what a recording in another room would bring, from the geometry of the room alone.
+
+    Parameters
+    ----------
+    recordings, unit, settings
+        As for `with_another_plane`.
+    room : Observations
+        Which beams would meet which plane, in the scanner frame; the distances are not used.
+
+    Returns
+    -------
+    Expected
+    """
+    used = [each for each in recordings if each.planes]
+    rng = np.random.default_rng([_SEED, len(used)])
+    met = _Met(room.phi, room.laser_id, room.normal, room.offset, room.plane_number)
+    new = _measured(used[0], unit, met, rng)
+    if new is None:
+        return _expected("and another room", unit)
+    # Distances of a laser shift from recording to recording.
+    shift = rng.normal(0.0, unit.sigma("sigma_shift"), len(unit.calibration))
+    beams = replace(new.cloud, distance_m=new.cloud.distance_m + shift[new.cloud.laser_id])
+    cloud = Cloud.from_beams(beams, new.cloud.parameters)
+    planes = tuple(plane_of(each.name, cloud, each.rows) for each in new.planes)
+    new = replace(new, cloud=cloud, planes=planes)
+    settings = replace(settings, integration_points=1)
+    return _expected("and another room", adjust_unsurveyed([*used, new], settings))
+
+
 def _expected(name: str, unit: UnitCalibration) -> Expected:
+    scale = unit.range_scale
     seen = unit.calibration.observed
     dl, alpha, v = np.sqrt(np.mean(relative_std(unit)[seen] ** 2, axis=0))
     _, alpha_share, v_share = np.median(unit.determined[seen], axis=0)
@@ -95,6 +136,7 @@ def _expected(name: str, unit: UnitCalibration) -> Expected:
         float(np.rad2deg(v)),
         float(alpha_share),
         float(v_share),
+        float("nan") if scale is None else float(np.median(scale.determined[seen])),
     )
 
 
@@ -121,29 +163,90 @@ def _candidates(recordings: Sequence[Seen]) -> Mapping[str, tuple[Array, float]]
     }
 
 
+@dataclass(frozen=True)
+class _Met:
+    """Beams and the planes that they meet: angle, laser, normal, offset and number of the plane."""
+
+    phi: Array
+    laser: NDArray[np.integer]
+    normal: Array
+    offset: Array
+    plane: NDArray[np.integer]
+
+
 def _simulated(
     like: Seen, unit: UnitCalibration, normal: Array, distance: float, rng: np.random.Generator
 ) -> Seen | None:
     """A recording of one more plane; None if fewer than two lasers meet it."""
-    cloud, parameters = like.cloud, unit.calibration.adjusted
     middle = 0.0 if abs(normal[2]) > 1.0 - _UPRIGHT else float(np.arctan2(normal[0], normal[1]))
-    phi = middle + np.arange(-_HALF_RAD, _HALF_RAD, _step(cloud))
+    phi = middle + np.arange(-_HALF_RAD, _HALF_RAD, _step(like.cloud))
     seen = np.flatnonzero(unit.calibration.observed)
-    laser, angle = np.repeat(seen, len(phi)), np.tile(phi, len(seen))
-    direction, origin = laser_beams(angle, laser, parameters)
-    towards = direction @ normal
-    meets = towards > _INCIDENCE
-    length = np.full(len(laser), np.nan)
-    length[meets] = (distance - origin[meets] @ normal) / towards[meets]
-    noise = _noise(unit, phi, seen, rng)
-    raw = length - parameters.dl[laser] + noise
-    keep = np.isfinite(raw) & (length > 0.0)
-    if len(np.unique(laser[keep])) < 2:
+    n = len(phi) * len(seen)
+    met = _Met(
+        np.tile(phi, len(seen)),
+        np.repeat(seen, len(phi)),
+        np.tile(normal, (n, 1)),
+        np.full(n, -distance),
+        np.zeros(n, dtype=np.int64),
+    )
+    return _measured(like, unit, met, rng)
+
+
+def _joined(seen: Seen, new: Seen) -> Seen:
+    """One recording of what two show."""
+    old, more = seen.cloud, new.cloud
+    beams = Beams(
+        np.concatenate([old.distance_m, more.distance_m]),
+        np.concatenate([old.phi, more.phi]),
+        np.concatenate([old.laser_id, more.laser_id]),
+        old.tick_m,
+    )
+    cloud = Cloud.from_beams(beams, old.parameters)
+    first = len(old.phi)
+    planes = (replace(each, rows=each.rows + first) for each in new.planes)
+    return Seen(seen.name, cloud, (*seen.planes, *planes))
+
+
+def _measured(
+    like: Seen, unit: UnitCalibration, met: _Met, rng: np.random.Generator
+) -> Seen | None:
+    """What the unit would measure; None if fewer than two lasers meet a plane."""
+    cloud, parameters = like.cloud, unit.calibration.adjusted
+    direction, origin = laser_beams(met.phi, met.laser, parameters)
+    towards = np.einsum("ni,ni->n", direction, met.normal)
+    meets = np.abs(towards) > _INCIDENCE
+    length = np.full(len(met.laser), np.nan)
+    to_plane = met.offset + np.einsum("ni,ni->n", origin, met.normal)
+    length[meets] = -to_plane[meets] / towards[meets]
+    raw = length - parameters.dl[met.laser]
+    for plane in np.unique(met.plane[meets]):
+        own = np.flatnonzero(meets & (met.plane == plane))
+        raw[own] += (
+            _unevenness(unit, origin[own] + length[own, None] * direction[own], rng)
+            / (towards[own])
+        )
+        raw[own] += rng.normal(0.0, unit.sigma("sigma_plane"), len(parameters))[met.laser[own]]
+    for laser in np.unique(met.laser):
+        own = np.flatnonzero(met.laser == laser)
+        raw[own] += _noise(unit, met.phi[own], rng)
+    keep = np.isfinite(raw) & (length > 0.0) & unit.calibration.observed[met.laser]
+    if len(np.unique(met.laser[keep])) < 2:
         return None
-    beams = Beams(raw[keep], np.mod(angle[keep], 2.0 * np.pi), laser[keep], cloud.tick_m)
-    new = Cloud.from_beams(beams, cloud.parameters)
-    rows = np.arange(len(new.xyz))
-    return Seen("one more plane", new, (plane_of("new", new, rows),))
+    angle = np.mod(met.phi[keep], 2.0 * np.pi)
+    new = Cloud.from_beams(Beams(raw[keep], angle, met.laser[keep], cloud.tick_m), cloud.parameters)
+    plane = met.plane[keep]
+    planes = [np.flatnonzero(plane == number) for number in np.unique(plane)]
+    found = (plane_of(f"new {number}", new, rows) for number, rows in enumerate(planes))
+    return Seen("one more recording", new, tuple(found))
+
+
+def _unevenness(unit: UnitCalibration, point: Array, rng: np.random.Generator) -> Array:
+    """Deviations from a plane, as large and as long as the adjustment takes them to be, metres."""
+    usual = UnitSettings()
+    basis = relief(point, usual.relief_knots_m, usual.relief_length_m)
+    learnt = [one.value for one in unit.population if one.name == "sigma_relief"]
+    size = FLATNESS_M * (learnt[0] if learnt else 1.0)
+    return np.asarray(size * basis @ rng.standard_normal(basis.shape[1]))
 
 
 def _step(cloud: Cloud) -> float:
@@ -153,14 +256,10 @@ def _step(cloud: Cloud) -> float:
     return float(max(np.median(steps), np.deg2rad(0.05)))
 
 
-def _noise(
-    unit: UnitCalibration, phi: Array, lasers: NDArray[np.integer], rng: np.random.Generator
-) -> Array:
-    """Pattern along azimuth and white noise as the adjustment found them, laser by laser."""
-    with np.errstate(invalid="ignore"):
-        tau, omega = (np.nanmedian(each[lasers]) for each in (unit.noise.tau, unit.noise.omega))
-    apart = np.sqrt(3.0) * np.abs(phi[:, None] - phi) / unit.noise.length_rad
-    covariance = (1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(len(phi))
-    pattern = np.linalg.cholesky(covariance) @ rng.standard_normal((len(phi), len(lasers)))
-    white = rng.standard_normal((len(phi), len(lasers)))
-    return np.asarray((tau * pattern + omega * white).T.ravel())
+def _noise(unit: UnitCalibration, phi: Array, rng: np.random.Generator) -> Array:
+    """Pattern along azimuth and white noise of one laser, as large as the median laser has them."""
+    seen = unit.calibration.observed
+    tau, omega = (np.nanmedian(each[seen]) for each in (unit.noise.tau, unit.noise.omega))
+    covariance = correlation(phi, unit.noise.length_rad) + 1e-9 * np.eye(len(phi))
+    pattern = np.linalg.cholesky(covariance) @ rng.standard_normal(len(phi))
+    return np.asarray(tau * pattern + omega * rng.standard_normal(len(phi)))

@@ -17,9 +17,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from velocal.adjustment.nuisance import by_pose
 from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.stochastic import block_numbers
 from velocal.arrays import Array
+from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import LaserParameters
 
 #: Columns that say which window a row is of.
@@ -38,7 +40,8 @@ class Drift:
     ----------
     change_m : ndarray, shape (windows, lasers)
         Mean of the differences of s, metres; positive where distances are measured longer than in
-        the reference. NaN for a laser that a window does not see in at least `MIN_BLOCKS` blocks.
+        the reference. NaN for a laser that a window does not see
+        in at least `MIN_BLOCKS` blocks.
     std_m : ndarray, shape (windows, lasers)
         Standard deviation of this mean, from the scatter of the blocks.
     blocks : ndarray of int, shape (lasers,)
@@ -68,28 +71,84 @@ def drift(
     -------
     Drift
     """
-    data = joined([reference, *windows])
-    n_windows, n_lasers = 1 + len(windows), len(parameters)
+    found = block_means([reference, *windows], parameters)
+    return _drift(found, found.mean[1:] - found.mean[0])
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Means of s in the blocks of angles that all windows see.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (windows, blocks)
+    weight : ndarray, shape (blocks,)
+        Medians of the window that has the fewest.
+    laser : ndarray of int, shape (blocks,)
+    lasers : int
+        Of the scanner.
+    place : ndarray of int, shape (blocks,)
+        Plane and angles; blocks of several lasers have the same.
+    movement : ndarray, shape (blocks, 6)
+        Derivatives of s by rotation vector and translation of the scanner.
+    """
+
+    mean: Array
+    weight: Array
+    laser: NDArray[np.int64]
+    lasers: int
+    place: NDArray[np.int64]
+    movement: Array
+
+
+def block_means(windows: Sequence[Observations], parameters: LaserParameters) -> Blocks:
+    """Average the misclosures of every laser, plane and block of angles, window by window.
+
+    Parameters
+    ----------
+    windows : sequence of Observations
+    parameters : LaserParameters
+
+    Returns
+    -------
+    Blocks
+    """
+    data = joined(list(windows))
     planes = int(data.plane_number.max()) + 1
     block = block_numbers(data.phi, data.laser_id * planes + data.plane_number, BLOCK_RAD)
     n_blocks = int(block.max()) + 1
     laser = np.empty(n_blocks, dtype=np.int64)
     laser[block] = data.laser_id
+    place = np.empty(n_blocks, dtype=np.int64)
+    place[block] = block_numbers(data.phi, data.plane_number, BLOCK_RAD)
     at = data.station_number * n_blocks + block
-    count = np.bincount(at, minlength=n_windows * n_blocks).reshape(n_windows, n_blocks)
-    total = np.bincount(at, data.misclosure(parameters), n_windows * n_blocks)
+    count = np.bincount(at, minlength=len(windows) * n_blocks).reshape(-1, n_blocks)
+    s = data.misclosure(parameters)
+    total = np.bincount(at, s, len(windows) * n_blocks)
     used = (count > 0).all(axis=0)
+    direction, origin = laser_beams(data.phi, data.laser_id, parameters)
+    towards = np.einsum("ni,ni->n", direction, data.normal)
+    length = data.distance_m + parameters.dl[data.laser_id] - s
+    point = origin + length[:, None] * direction
+    moved = by_pose(point, data.normal, towards, np.zeros(3))
+    movement = np.stack([np.bincount(block, column, n_blocks) for column in moved.T], axis=1)
+    movement = movement[used] / count[:, used].sum(axis=0)[:, None]
     laser, count = laser[used], count[:, used]
-    mean = total.reshape(n_windows, n_blocks)[:, used] / count
+    mean = total.reshape(-1, n_blocks)[:, used] / count
     # A block that a window sees only a part of counts as little as that part.
     weight = count.min(axis=0).astype(float)
+    return Blocks(mean, weight, laser, len(parameters), place[used], movement)
+
+
+def _drift(found: Blocks, differences: Array) -> Drift:
+    """Mean of the differences of every laser, and its standard deviation from their scatter."""
+    laser, weight, n_lasers = found.laser, found.weight, found.lasers
     blocks = np.bincount(laser, minlength=n_lasers)
     sums = np.bincount(laser, weight, n_lasers)
-    change = np.full((len(windows), n_lasers), np.nan)
-    std = np.full((len(windows), n_lasers), np.nan)
+    change = np.full((len(differences), n_lasers), np.nan)
+    std = np.full((len(differences), n_lasers), np.nan)
     enough = blocks >= MIN_BLOCKS
-    for number in range(len(windows)):
-        difference = mean[1 + number] - mean[0]
+    for number, difference in enumerate(differences):
         centre = np.bincount(laser, weight * difference, n_lasers)[enough] / sums[enough]
         change[number, enough] = centre
         filled = np.zeros(n_lasers)

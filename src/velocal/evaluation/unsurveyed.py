@@ -16,6 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
@@ -26,7 +27,7 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.evaluation.holdout import LEVEL, Gain, HeldOut, HoldOut, JudgedCalibration
-from velocal.evaluation.planes_in_data import Cloud, FieldPlane
+from velocal.evaluation.planes_in_data import Cloud, FieldPlane, plane_of
 from velocal.geometry.planes import fit_plane
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
@@ -34,8 +35,9 @@ from velocal.scanner.parameters import LaserParameters
 #: Prior standard deviation of a plane at the rms distance of its points from their centre, metres.
 #: It is much larger than what the lasers can shift a fitted plane by.
 LOOSE_M = 0.2
-#: Standard deviation of a wall or floor about its plane, metres. DIN 18202 allows finished walls to
-#: deviate by as much over one metre.
+#: Standard deviation of a wall or floor about its plane, metres, before the data are seen. DIN
+#: 18202 allows finished walls to deviate by as much over one metre. The adjustment learns a
+#: multiple of it.
 FLATNESS_M = 0.005
 #: An angle of which the data decide less than this share is not adjusted.
 LEAST_SHARE = 0.5
@@ -66,6 +68,29 @@ class Seen:
     name: str
     cloud: Cloud
     planes: tuple[FieldPlane, ...]
+
+    @classmethod
+    def of_members(
+        cls,
+        name: str,
+        cloud: Cloud,
+        rows: NDArray[np.integer],
+        plane: NDArray[np.integer],
+        plane_names: Sequence[str],
+    ) -> Seen:
+        """Fit the planes whose points are known.
+
+        Parameters
+        ----------
+        name : str
+        cloud : Cloud
+        rows, plane : ndarray of int, shape (n,)
+            Points on planes, and the number of the plane of each.
+        plane_names : sequence of str
+        """
+        members = [rows[plane == number].astype(np.int64) for number in range(len(plane_names))]
+        planes = zip(plane_names, members, strict=True)
+        return cls(name, cloud, tuple(plane_of(each, cloud, own) for each, own in planes))
 
     @property
     def keys(self) -> list[PlaneKey]:
@@ -165,7 +190,9 @@ def unsurveyed_settings(
     to those of the others, so that the data never seem to decide much of it.
     """
     return replace(
-        UnitSettings.recommended(scanner, prior=prior, factory=parameters), hold_below=0.0
+        UnitSettings.recommended(scanner, prior=prior, factory=parameters),
+        hold_below=0.0,
+        learn_relief=True,
     )
 
 

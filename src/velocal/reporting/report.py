@@ -153,6 +153,8 @@ class Study:
         PNG pictures of these recordings, by sample.
     unsurveyed_units : sequence of UnsurveyedUnit
         Calibrations without a survey.
+    unit_drifts : mapping of str to bytes
+        PNG pictures of the changes of their distances over time, by their names.
     certificates : sequence of Certificate
         Of the calibrations of units.
     maps : sequence of SampleMap
@@ -184,6 +186,7 @@ class Study:
     field_table: pd.DataFrame | None = None
     field_pictures: Mapping[str, bytes] = field(default_factory=dict)
     unsurveyed_units: Sequence[UnsurveyedUnit] = ()
+    unit_drifts: Mapping[str, bytes] = field(default_factory=dict)
     certificates: Sequence[Certificate] = ()
     maps: Sequence[SampleMap] = ()
     methods: pd.DataFrame | None = None

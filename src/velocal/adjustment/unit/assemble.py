@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.result import CalibrationSet, LaserQuality
 from velocal.adjustment.unit.common_mean import DATUM
 from velocal.adjustment.unit.describe import Description
-from velocal.adjustment.unit.model import Linearised, lever
+from velocal.adjustment.unit.model import UNKNOWNS, Linearised, lever
 from velocal.adjustment.unit.noise import Noise
 from velocal.adjustment.unit.population import SHRINKING, Integrated, Population, quantiles
 from velocal.adjustment.unit.result import (
@@ -20,6 +20,7 @@ from velocal.adjustment.unit.result import (
     Component,
     Held,
     PlaneEffect,
+    RangeScale,
     StationEffect,
     UnitCalibration,
     UnitNoise,
@@ -127,7 +128,25 @@ def assemble(
         mean_range_m=mean_range,
         range_limits_m=(float(at.range_m.min()), float(at.range_m.max())),
         far_point_m=settings.far_point_m,
+        range_scale=None if settings.far_point_m else _range_scale(bins, at, stage, each[0]),
         warnings=_warnings(station_effects),
+    )
+
+
+def _range_scale(bins: Bins, at: Linearised, stage: Stage, description: Description) -> RangeScale:
+    """Scale of the most probable values, and the ranges at which it was observed."""
+    laser, place = bins.mean.laser_id, UNKNOWNS.index("scale")
+    near, far = np.full((2, len(stage.mean_range)), np.inf)
+    np.minimum.at(near, laser, at.range_m)
+    np.minimum.at(far, laser, -at.range_m)
+    spread = description.values[[size.name for size in stage.population.sizes].index("scale")]
+    share = 1.0 - (description.scale_std / spread) ** 2
+    return RangeScale(
+        value=description.unknowns[:, place],
+        std=description.scale_std,
+        determined=np.clip(share, 0.0, 1.0),
+        near_m=np.where(np.isfinite(near), near, np.nan),
+        far_m=np.where(np.isfinite(far), -far, np.nan),
     )
 
 

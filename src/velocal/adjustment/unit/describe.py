@@ -44,6 +44,8 @@ class Description:
         Mean of the common unknowns.
     common_covariance : ndarray, shape (m, m)
     datum : CommonMean
+    scale_std : ndarray, shape (lasers,)
+        Standard deviation of the second parameter of the distance.
     """
 
     values: Array
@@ -57,6 +59,7 @@ class Description:
     common: Array
     common_covariance: Array
     datum: CommonMean
+    scale_std: Array
 
 
 def describe(
@@ -149,6 +152,11 @@ def describe(
     extra = more * _squares(influence(np.array([place])))
     sources["offsets"], covariance = sources["offsets"] + extra, covariance + extra
     prior = np.einsum("kua,a,kua->ku", output, std[:u] ** 2, output)
+    place = UNKNOWNS.index("scale")
+    by_scale = -std[place] * slope[:, place]
+    by_scale[:, place] += 1.0
+    from_common = solve_triangular(posterior.common_root, (by_scale @ turn).T, lower=True)
+    scale_variance = std[place] ** 2 * posterior.own_covariance[:, place, place]
     return Description(
         values=values,
         unknowns=unknowns,
@@ -161,6 +169,7 @@ def describe(
         common=common,
         common_covariance=turn @ inverse @ turn.T,
         datum=datum,
+        scale_std=np.sqrt(scale_variance + (from_common**2).sum(axis=0)),
     )
 
 

@@ -51,7 +51,8 @@ class Size:
     Attributes
     ----------
     name : str
-        Of the random unknowns that it belongs to: a parameter, ``shift``, ``plane`` or ``common``.
+        Of the unknowns that it belongs to: a parameter, ``shift``, ``plane``, ``common`` or
+        ``relief``.
     unit : str
     scale : float
         Of the half-t hyperprior; the value itself where it is fixed.
@@ -86,8 +87,19 @@ class Population:
     far: bool
 
     @classmethod
-    def of(cls, layout: Layout, settings: UnitSettings) -> Population:
-        """Say what is learnt and what is given."""
+    def of(
+        cls, layout: Layout, settings: UnitSettings, relief: NDArray[np.integer] | None = None
+    ) -> Population:
+        """Say what is learnt and what is given.
+
+        Parameters
+        ----------
+        layout : Layout
+        settings : UnitSettings
+        relief : ndarray of int, optional
+            Places of the relief of all surfaces among the common unknowns; used if its size is
+            learnt (`UnitSettings.learn_relief`).
+        """
         none = np.zeros(0, dtype=np.int64)
         # The data hardly tell voff from v: a spread that is learnt from the little that they say
         # runs away with any small fault of the model, and takes v along.
@@ -112,6 +124,8 @@ class Population:
         sizes.append(Size("shift", "m", shift if one else SCALES["shift"], one, shifts, none))
         sizes.append(Size("plane", "m", SCALES["plane"], False, planes.astype(np.int64), none))
         sizes.append(Size("common", "m", both if one else SCALES["common"], one, none, common))
+        if settings.learn_relief and relief is not None and len(relief):
+            sizes.append(Size("relief", "1", 1.0, False, none, np.asarray(relief, dtype=np.int64)))
         return cls(layout, tuple(sizes), far)
 
     @property

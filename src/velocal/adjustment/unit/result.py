@@ -25,7 +25,9 @@ class Component:
         ``sigma_dl``, ``sigma_alpha``, ``sigma_v``, ``sigma_scale`` (or ``sigma_far``: of the
         correction at the far point), ``sigma_voff``, ``sigma_hoff``: standard deviations over the
         lasers; ``sigma_shift``: of the shift of a laser at a station; ``sigma_plane``: of the shift
-        of a laser on a plane; ``sigma_common``: of the common shift of a station; ``tau``,
+        of a laser on a plane; ``sigma_common``: of the common shift of a station;
+        ``sigma_relief``: of the deviations of surfaces from their planes, as a multiple of what
+        the stations state, where it is learnt; ``tau``,
         ``omega``: median over the lasers of the pattern along azimuth and of the white noise of
         one observation; ``length``: correlation length of the pattern.
     unit : str
@@ -182,6 +184,53 @@ class Held:
 
 
 @dataclass(frozen=True)
+class RangeScale:
+    """What the data say of the change of a distance correction with the range.
+
+    It is estimated with all else, so that it does not disturb the other parameters, but it is not
+    corrected.
+
+    Attributes
+    ----------
+    value, std : ndarray, shape (lasers,)
+        Metres per metre, relative to the factory.
+    determined : ndarray, shape (lasers,)
+        Share that the data decide of it: 1 - variance / variance over the lasers.
+    near_m, far_m : ndarray, shape (lasers,)
+        Shortest and longest range of the observations of a laser; NaN without any. Nothing is
+        known beyond them.
+    """
+
+    value: Array
+    std: Array
+    determined: Array
+    near_m: Array
+    far_m: Array
+
+    def change(self, range_m: Array, laser_id: NDArray[np.integer], mean_m: Array) -> Array:
+        """Change of the correction from the mean range of a laser, never extrapolated.
+
+        Parameters
+        ----------
+        range_m : ndarray, shape (n,)
+            Ranges along the beam, metres. Beyond those observed, the correction stays constant.
+        laser_id : ndarray of int, shape (n,)
+        mean_m : ndarray, shape (lasers,)
+            `UnitCalibration.mean_range_m`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Metres.
+        """
+        near, far = (
+            np.where(np.isfinite(each), each, mean_m) for each in (self.near_m, self.far_m)
+        )
+        within = np.clip(range_m, near[laser_id], far[laser_id])
+        return np.asarray(self.value[laser_id] * (within - mean_m[laser_id]))
+
+
+@dataclass(frozen=True)
 class UnitCalibration:
     """Calibration of a unit from all its stations.
 
@@ -213,6 +262,8 @@ class UnitCalibration:
         Shortest and longest range that was observed.
     far_point_m : float or None
         Range at which the correction of the distance has faded to zero.
+    range_scale : RangeScale or None
+        None where there is a far point.
     passes : int
         How often observations were assigned to planes; 1 without `readjust`.
     warnings : tuple of str
@@ -230,6 +281,7 @@ class UnitCalibration:
     mean_range_m: Array
     range_limits_m: tuple[float, float]
     far_point_m: float | None
+    range_scale: RangeScale | None = None
     passes: int = 1
     warnings: tuple[str, ...] = field(default=())
 

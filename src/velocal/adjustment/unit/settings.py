@@ -13,6 +13,8 @@ from velocal.scanner.parameters import FAR_POINT_M, TWO_POINT, LaserParameters
 
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
 LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
+#: Settings that are no sizes, or may be zero.
+_NOT_SIZES = ("prior", "hold_below", "pose_in_common", "least_voff_m", "learn_relief")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,10 @@ class UnitSettings:
     relief_least_m : float
         Least standard deviation of a surface about its plane, metres. Few targets show no
         deviation, but no wall is flat.
+    learn_relief : bool
+        Whether the size of these deviations is estimated from the data, as one multiple for all
+        surfaces of what the stations state. A survey states it from its targets; without a survey
+        nobody knows it.
     prior : mapping of str to float, or None
         Standard deviation over the lasers of true minus factory values, out of `LEARNT`; metres,
         radians, 1. What is not given is learnt from the unit; None where all are.
@@ -69,6 +75,7 @@ class UnitSettings:
     relief_length_m: float = 0.35
     relief_knots_m: float = 0.5
     relief_least_m: float = 0.0005
+    learn_relief: bool = False
     prior: Mapping[str, float] | None = None
     shift_m: float = 0.005
     common_shift_m: float = 0.005
@@ -122,7 +129,7 @@ class UnitSettings:
     def __post_init__(self) -> None:
         """Check that all sizes are positive, and that the prior names what has one."""
         for name, value in vars(self).items():
-            if name in ("prior", "hold_below", "pose_in_common", "least_voff_m") or value is None:
+            if name in _NOT_SIZES or value is None:
                 continue
             if not value > 0.0:
                 raise VelocalError(

@@ -82,7 +82,7 @@ def make_stage(
         noise=noise,
         layout=layout,
         sums=sums(bins, at, shared, noise, layout, rows),
-        population=Population.of(layout, settings),
+        population=Population.of(layout, settings, survey["flatness"]),
         mean_range=mean_range,
         output=_output(mean_range, settings.far_point_m),
         survey=survey,

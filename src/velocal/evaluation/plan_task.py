@@ -17,9 +17,10 @@ from velocal.reduction.assignment import Limits
 from velocal.scanner.models import SCANNERS, Scanner
 from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.study.reading import read_yaml
-from velocal.study.samples import NOMINAL, WINDOWS
+from velocal.study.samples import NOMINAL
 from velocal.study.sketch import AssumedSizes, Candidates, Sketch
 from velocal.study.study import Study, read_study
+from velocal.study.windows import WINDOWS
 from velocal.survey.network.field_book import read_field_book
 from velocal.survey.network.survey import adjust_field_book
 from velocal.survey.planned import PlannedSurvey, sketched_survey

@@ -110,7 +110,7 @@ def with_another_room(
     used = [each for each in recordings if each.planes]
     rng = np.random.default_rng([_SEED, len(used)])
     met = _Met(room.phi, room.laser_id, room.normal, room.offset, room.plane_number)
-    new = _measured(used[0], unit, met, rng)
+    new = _measured(used[0], unit, met, rng, even=False)
     if new is None:
         return _expected("and another room", unit)
     # Distances of a laser shift from recording to recording.
@@ -189,7 +189,8 @@ def _simulated(
         np.full(n, -distance),
         np.zeros(n, dtype=np.int64),
     )
-    return _measured(like, unit, met, rng)
+    # The unevenness of a single plane would decide too much of what is learnt of all.
+    return _measured(like, unit, met, rng, even=True)
 
 
 def _joined(seen: Seen, new: Seen) -> Seen:
@@ -208,9 +209,12 @@ def _joined(seen: Seen, new: Seen) -> Seen:
 
 
 def _measured(
-    like: Seen, unit: UnitCalibration, met: _Met, rng: np.random.Generator
+    like: Seen, unit: UnitCalibration, met: _Met, rng: np.random.Generator, *, even: bool
 ) -> Seen | None:
-    """What the unit would measure; None if fewer than two lasers meet a plane."""
+    """What the unit would measure; None if fewer than two lasers meet a plane.
+
+    Planes are even, or as uneven as those that the unit was adjusted on.
+    """
     cloud, parameters = like.cloud, unit.calibration.adjusted
     direction, origin = laser_beams(met.phi, met.laser, parameters)
     towards = np.einsum("ni,ni->n", direction, met.normal)
@@ -219,7 +223,7 @@ def _measured(
     to_plane = met.offset + np.einsum("ni,ni->n", origin, met.normal)
     length[meets] = -to_plane[meets] / towards[meets]
     raw = length - parameters.dl[met.laser]
-    for plane in np.unique(met.plane[meets]):
+    for plane in () if even else np.unique(met.plane[meets]):
         own = np.flatnonzero(meets & (met.plane == plane))
         raw[own] += (
             _unevenness(unit, origin[own] + length[own, None] * direction[own], rng)

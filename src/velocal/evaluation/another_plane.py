@@ -86,8 +86,8 @@ def with_another_plane(
     for number, (name, plane) in enumerate(_candidates(used).items()):
         new = _simulated(used[0], unit, *plane, np.random.default_rng([_SEED, number]))
         if new is not None:
-            more = [_joined(used[0], new), *used[1:]]
-            found.append(_expected(name, adjust_unsurveyed(more, settings)))
+            new = _shifted(new, unit, np.random.default_rng([_SEED, number, 1]))
+            found.append(_expected(name, adjust_unsurveyed([*used, new], settings)))
     return tuple(found)
 
 
@@ -113,12 +113,7 @@ def with_another_room(
     new = _measured(used[0], unit, met, rng, even=False)
     if new is None:
         return _expected("and another room", unit)
-    # Distances of a laser shift from recording to recording.
-    shift = rng.normal(0.0, unit.sigma("sigma_shift"), len(unit.calibration))
-    beams = replace(new.cloud, distance_m=new.cloud.distance_m + shift[new.cloud.laser_id])
-    cloud = Cloud.from_beams(beams, new.cloud.parameters)
-    planes = tuple(plane_of(each.name, cloud, each.rows) for each in new.planes)
-    new = replace(new, cloud=cloud, planes=planes)
+    new = _shifted(new, unit, rng)
     settings = replace(settings, integration_points=1)
     return _expected("and another room", adjust_unsurveyed([*used, new], settings))
 
@@ -193,19 +188,13 @@ def _simulated(
     return _measured(like, unit, met, rng, even=True)
 
 
-def _joined(seen: Seen, new: Seen) -> Seen:
-    """One recording of what two show."""
-    old, more = seen.cloud, new.cloud
-    beams = Beams(
-        np.concatenate([old.distance_m, more.distance_m]),
-        np.concatenate([old.phi, more.phi]),
-        np.concatenate([old.laser_id, more.laser_id]),
-        old.tick_m,
-    )
-    cloud = Cloud.from_beams(beams, old.parameters)
-    first = len(old.phi)
-    planes = (replace(each, rows=each.rows + first) for each in new.planes)
-    return Seen(seen.name, cloud, (*seen.planes, *planes))
+def _shifted(new: Seen, unit: UnitCalibration, rng: np.random.Generator) -> Seen:
+    """The same with the shift that the distances of a laser have from recording to recording."""
+    shift = rng.normal(0.0, unit.sigma("sigma_shift"), len(unit.calibration))
+    beams = replace(new.cloud, distance_m=new.cloud.distance_m + shift[new.cloud.laser_id])
+    cloud = Cloud.from_beams(beams, new.cloud.parameters)
+    planes = tuple(plane_of(each.name, cloud, each.rows) for each in new.planes)
+    return replace(new, cloud=cloud, planes=planes)
 
 
 def _measured(

@@ -86,8 +86,8 @@ def with_another_plane(
     for number, (name, plane) in enumerate(_candidates(used).items()):
         new = _simulated(used[0], unit, *plane, np.random.default_rng([_SEED, number]))
         if new is not None:
-            more = [_joined(used[0], new), *used[1:]]
-            found.append(_expected(name, adjust_unsurveyed(more, settings)))
+            new = _shifted(new, unit, np.random.default_rng([_SEED, number, 1]))
+            found.append(_expected(name, adjust_unsurveyed([*used, new], settings)))
     return tuple(found)
 
 
@@ -110,15 +110,10 @@ def with_another_room(
     used = [each for each in recordings if each.planes]
     rng = np.random.default_rng([_SEED, len(used)])
     met = _Met(room.phi, room.laser_id, room.normal, room.offset, room.plane_number)
-    new = _measured(used[0], unit, met, rng)
+    new = _measured(used[0], unit, met, rng, even=False)
     if new is None:
         return _expected("and another room", unit)
-    # Distances of a laser shift from recording to recording.
-    shift = rng.normal(0.0, unit.sigma("sigma_shift"), len(unit.calibration))
-    beams = replace(new.cloud, distance_m=new.cloud.distance_m + shift[new.cloud.laser_id])
-    cloud = Cloud.from_beams(beams, new.cloud.parameters)
-    planes = tuple(plane_of(each.name, cloud, each.rows) for each in new.planes)
-    new = replace(new, cloud=cloud, planes=planes)
+    new = _shifted(new, unit, rng)
     settings = replace(settings, integration_points=1)
     return _expected("and another room", adjust_unsurveyed([*used, new], settings))
 
@@ -189,28 +184,26 @@ def _simulated(
         np.full(n, -distance),
         np.zeros(n, dtype=np.int64),
     )
-    return _measured(like, unit, met, rng)
+    # The unevenness of a single plane would decide too much of what is learnt of all.
+    return _measured(like, unit, met, rng, even=True)
 
 
-def _joined(seen: Seen, new: Seen) -> Seen:
-    """One recording of what two show."""
-    old, more = seen.cloud, new.cloud
-    beams = Beams(
-        np.concatenate([old.distance_m, more.distance_m]),
-        np.concatenate([old.phi, more.phi]),
-        np.concatenate([old.laser_id, more.laser_id]),
-        old.tick_m,
-    )
-    cloud = Cloud.from_beams(beams, old.parameters)
-    first = len(old.phi)
-    planes = (replace(each, rows=each.rows + first) for each in new.planes)
-    return Seen(seen.name, cloud, (*seen.planes, *planes))
+def _shifted(new: Seen, unit: UnitCalibration, rng: np.random.Generator) -> Seen:
+    """The same with the shift that the distances of a laser have from recording to recording."""
+    shift = rng.normal(0.0, unit.sigma("sigma_shift"), len(unit.calibration))
+    beams = replace(new.cloud, distance_m=new.cloud.distance_m + shift[new.cloud.laser_id])
+    cloud = Cloud.from_beams(beams, new.cloud.parameters)
+    planes = tuple(plane_of(each.name, cloud, each.rows) for each in new.planes)
+    return replace(new, cloud=cloud, planes=planes)
 
 
 def _measured(
-    like: Seen, unit: UnitCalibration, met: _Met, rng: np.random.Generator
+    like: Seen, unit: UnitCalibration, met: _Met, rng: np.random.Generator, *, even: bool
 ) -> Seen | None:
-    """What the unit would measure; None if fewer than two lasers meet a plane."""
+    """What the unit would measure; None if fewer than two lasers meet a plane.
+
+    Planes are even, or as uneven as those that the unit was adjusted on.
+    """
     cloud, parameters = like.cloud, unit.calibration.adjusted
     direction, origin = laser_beams(met.phi, met.laser, parameters)
     towards = np.einsum("ni,ni->n", direction, met.normal)
@@ -219,7 +212,7 @@ def _measured(
     to_plane = met.offset + np.einsum("ni,ni->n", origin, met.normal)
     length[meets] = -to_plane[meets] / towards[meets]
     raw = length - parameters.dl[met.laser]
-    for plane in np.unique(met.plane[meets]):
+    for plane in () if even else np.unique(met.plane[meets]):
         own = np.flatnonzero(meets & (met.plane == plane))
         raw[own] += (
             _unevenness(unit, origin[own] + length[own, None] * direction[own], rng)

@@ -150,7 +150,7 @@ KINDS = {
     "tar.gz": (gzip.compress(b"x".ljust(257, b"\0") + b"ustar\0"), "tar", "tar -xf"),
     "damaged gzip": (b"\x1f\x8b" + bytes(99), "its gzip data are damaged", "`gunzip 'a b.pcap'`"),
     "damaged xz": (b"\xfd7zXZ\0" + bytes(99), "its xz data are damaged", "`unxz 'a b.pcap'`"),
-    "points": (b"LASF" + bytes(99), "LAS file of points", "packets"),
+    "points": (b"LASF" + bytes(99), "LAS file of points", "--dialect"),
     "zeros": (bytes(5000), "zeros only", "Copy it again"),
     "text": (b"x,y,z\n1,2,3\n", "no recording", "tcpdump"),
 }

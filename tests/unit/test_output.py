@@ -254,13 +254,13 @@ def test_signals_leave_no_unfinished_file(name, tmp_path):
     code = f"""
 import os, signal, sys
 from pathlib import Path
-import velocal.cli.points as command
+import velocal.points.stream as library
 from velocal.cli import main
 # As in a terminal: a shell lets what it runs in the background ignore SIGINT.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 def stop(*_):
     os.kill(os.getpid(), signal.{name})
-command.stream = stop
+library.stream = stop
 sys.argv = ["velocal", "points", "{tmp_path}/x.bin", "-o", "{tmp_path}/x.ply"]
 main()
 """

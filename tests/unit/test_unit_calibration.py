@@ -197,7 +197,7 @@ def test_the_report_says_what_to_use(made, tmp_path):
     assert f"parameter_sets/{SCANNER}/all.yaml" in page
     # The errors of this unit's distances are 2.0 cm with a scatter of 1.6 cm.
     assert one.significant("dl") > 16
-    assert f"significant for {one.significant('dl')} of 32 lasers" in page
+    assert f"not significant for {32 - one.significant('dl')} of 32 lasers" in page
     page = report.render(
         report.Study("A unit", False, certificates=[certified(not_better(made[2]))])
     )

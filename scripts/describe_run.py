@@ -25,14 +25,14 @@ def _today() -> str:
 
 
 def main(
-    *, given: list[Path], made: list[Path], metadata: Path, title: str, simulated: bool
+    *, handed_over: list[Path], made: list[Path], metadata: Path, title: str, simulated: bool
 ) -> None:
-    """Write the metadata of files `given` by people and `made` by the run."""
+    """Write the metadata of files `handed_over` by people and `made` by the run."""
     folder = metadata.parent
     content = crate(
         title,
         simulated=simulated,
-        inputs=[_described(path, folder) for path in sorted(given)],
+        inputs=[_described(path, folder) for path in sorted(handed_over)],
         results=[_described(path, folder) for path in sorted(made)],
         versions=provenance.versions(),
         date=_today(),

@@ -88,6 +88,7 @@ def main(
     set_names: list[str],
     field_samples: list[str],
     unsurveyed_units: list[str],
+    timed_units: list[str],
     outdoor_figures: Mapping[str, list[str]],
 ) -> None:
     """Write the report; whatever is missing or empty has no section.
@@ -95,8 +96,9 @@ def main(
     Files of a kind are in the order of what they are of: `ledgers` of `samples`, `pictures` and
     `numbers` of `figures`, `map_pictures` of `maps`, `sets` and `exports` of `set_scanners` and
     `set_names`, `factories` of `factory_scanners` (another of `scanners` has nominal values),
-    `field_pictures` of `field_samples`, `unit_pictures`, `unit_tables` and `drift_pictures` of
-    `unsurveyed_units`, `outdoor_pictures` and `outdoor_numbers` of `outdoor_figures`.
+    `field_pictures` of `field_samples`, `unit_pictures` and `unit_tables` of `unsurveyed_units`,
+    `drift_pictures` of `timed_units`, `outdoor_pictures` and `outdoor_numbers` of
+    `outdoor_figures`.
     """
     known = dict(zip(factory_scanners, factories, strict=True))
     columns: dict[str, dict[str, Any]] = {}
@@ -147,7 +149,7 @@ def main(
             report.UnsurveyedUnit(name, _frame(csv), for_page(png))
             for name, csv, png in zip(unsurveyed_units, unit_tables, unit_pictures, strict=True)
         ],
-        unit_drifts=dict(zip(unsurveyed_units, map(for_page, drift_pictures), strict=True)),
+        unit_drifts=dict(zip(timed_units, map(for_page, drift_pictures), strict=True)),
         outdoor=_optional(outdoor),
         outdoor_figures=[
             report.OutdoorFigure(number, kind, on, _frame(csv), for_page(png))

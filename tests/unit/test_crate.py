@@ -18,9 +18,21 @@ def test_crate_of_a_run(tmp_path, monkeypatch):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"content {number}")
     metadata = tmp_path / "results/ro-crate-metadata.json"
-    main(given=[given], made=[table, report], metadata=metadata, title="A <study>", simulated=True)
+    main(
+        handed_over=[given],
+        made=[table, report],
+        metadata=metadata,
+        title="A <study>",
+        simulated=True,
+    )
     first = metadata.read_bytes()
-    main(given=[given], made=[report, table], metadata=metadata, title="A <study>", simulated=True)
+    main(
+        handed_over=[given],
+        made=[report, table],
+        metadata=metadata,
+        title="A <study>",
+        simulated=True,
+    )
     assert metadata.read_bytes() == first
     read = ROCrate(tmp_path / "results")
     assert read.name == "A <study>"

@@ -329,6 +329,7 @@ def test_script_reads_what_is_there(tmp_path):
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
     common |= {"factory_scanners": [], "field_samples": [], "unsurveyed_units": []}
+    common |= {"timed_units": []}
     common |= {"outdoor_figures": {}}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()

@@ -32,10 +32,22 @@ UNSURVEYED_UNITS = [
     for scanner, sets in STUDY.unsurveyed_calibrations.items()
     for name in sets
 ]
+# A cloud of points has no packets whose clock tells when something was measured.
+TIMED_UNITS = [
+    f"{scanner}/{name}"
+    for scanner, sets in STUDY.unsurveyed_calibrations.items()
+    for name, samples in sets.items()
+    if not set(samples) & set(CLOUDS)
+]
 FIELD_FILES += expand(
     f"{RESULTS}/calibrations/{{unit}}.{{suffix}}",
     unit=UNSURVEYED_UNITS,
-    suffix=("csv", "svg", "png", "drift.csv", "drift.svg", "drift.png"),
+    suffix=("csv", "svg", "png"),
+)
+FIELD_FILES += expand(
+    f"{RESULTS}/calibrations/{{unit}}.drift.{{suffix}}",
+    unit=TIMED_UNITS,
+    suffix=("csv", "svg", "png"),
 )
 
 

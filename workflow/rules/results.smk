@@ -110,7 +110,7 @@ rule write_report:
             f"{RESULTS}/calibrations/{{unit}}.more.csv", unit=UNSURVEYED_UNITS
         ),
         drift_pictures=expand(
-            f"{RESULTS}/calibrations/{{unit}}.drift.png", unit=UNSURVEYED_UNITS
+            f"{RESULTS}/calibrations/{{unit}}.drift.png", unit=TIMED_UNITS
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
@@ -137,6 +137,7 @@ rule write_report:
         ],
         field_samples=list(STUDY.unsurveyed),
         unsurveyed_units=UNSURVEYED_UNITS,
+        timed_units=TIMED_UNITS,
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"
@@ -145,7 +146,7 @@ rule write_report:
 # Not part of `all`, as it holds the day of the run; `make crate` asks for it.
 rule describe_run:
     input:
-        given=list(GIVEN),
+        handed_over=list(GIVEN),
         made=lambda wildcards: with_all_before(TARGETS),
     output:
         metadata=f"{RESULTS}/ro-crate-metadata.json",

@@ -59,6 +59,10 @@ def wordy_covariance() -> bytes:
 
 
 FINDINGS = {
+    "a fact of an index whose name is damaged": (
+        "rotations",
+        lambda: READERS["rotations"].seeds[0].replace(b'"step_ticks"', b'"step_tucks"'),
+    ),
     "a covariance with a text in it": ("station", wordy_covariance),
     "bytes after the end of compressed content were rejected": ("compressed", ends_within_headers),
     "a message of SQLite that is no UTF-8": (

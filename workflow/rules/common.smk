@@ -219,7 +219,7 @@ def last_words():
     """What a run says at its end: the warnings at the top of the report, and where that is."""
     warnings = read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []
     said = [visible(f"Warning: {warning}") for warning in warnings]
-    if not workflow.dag_settings.targets - {"all", "default"}:
+    if not set(workflow.dag_settings.targets) - {"all", "default"}:
         place = f"The report is {RESULTS}/report.html."
         # The last line of the verdicts also says what each calibration is worth.
         text = Path(VERDICTS).read_text("utf-8") if VERDICTS else place

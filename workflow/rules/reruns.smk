@@ -4,15 +4,14 @@
 # run. The functions here let it see all else: modules of the library, files of an older time, and
 # outputs that are missing in the middle.
 
+import atexit
 import functools
 
 from snakemake.iocontainers import Wildcards
-from velocal.errors import visible
 from velocal.io.identity import WHOLE_BYTES, identify
 from velocal.io.provenance import library_digest
 from velocal.io.run_times import write_summary
 from velocal.study.files import given_files
-from velocal.survey.checks.findings import read_findings
 
 GIVEN = given_files(STUDY)
 
@@ -30,11 +29,10 @@ onstart:
         workflow.scheduler.job_rate_limiter = None
 
 
-# The last lines of a run repeat what the top of the report says.
+# The last lines of a run stand behind those of Snakemake itself.
 onsuccess:
     write_summary(Path(f"{RESULTS}/benchmarks"))
-    for warning in read_findings(Path(CHECKS)) if Path(CHECKS).is_file() else []:
-        print(visible(f"Warning: {warning}"))
+    atexit.register(print, "\n".join(last_words()))
 
 
 def complete(rules):

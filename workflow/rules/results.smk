@@ -11,8 +11,6 @@
 #       {results}/report.html                all of it on one page that needs no network; it is
 #                                            written before that check, and shows what fails
 
-import atexit
-
 from velocal.paper.printed import KNOWN_MISSES
 
 TABLE_FILES = table_files("csv", "md", "tex")
@@ -20,11 +18,6 @@ AGREEMENT = f"{RESULTS}/published/agreement.csv" if SETTINGS.compare_with_paper 
 CLAIMS = f"{RESULTS}/published/claims.csv" if SETTINGS.compare_with_paper else []
 ROTATIONS = SETTINGS.simulation.rotations if SETTINGS.simulation else None
 MISSES = f"{RESULTS}/published/misses.csv" if SETTINGS.compare_with_paper else []
-
-
-# The last lines of a run, behind those of Snakemake itself.
-onsuccess:
-    atexit.register(print, "\n".join(last_words()))
 
 
 rule make_table:

@@ -210,6 +210,18 @@ def _check_columns(found: pa.Schema, schema: pa.Schema, path: Path) -> None:
     )
 
 
+class Facts(dict[str, Any]):
+    """Facts of a table by name; one that is not there is an error of the file."""
+
+    def __init__(self, facts: Mapping[str, Any], path: Path) -> None:
+        super().__init__(facts)
+        self.path = path
+
+    def __missing__(self, name: str) -> Any:
+        """Say which fact the file does not state."""
+        raise StorageError(f"does not state {name!r}", where=str(self.path), hint=_DAMAGED)
+
+
 def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
     """Facts of a table, which has to be of the kind and version of a schema."""
     metadata = found.metadata or {}
@@ -222,8 +234,7 @@ def _facts(found: pa.Schema, schema: pa.Schema, path: Path) -> dict[str, Any]:
                 allowed=repr(expected.decode()),
                 hint="Make the file again with this version of velocal.",
             )
-    facts: dict[str, Any] = json.loads(metadata.get(FACTS, b"{}"))
-    return facts
+    return Facts(json.loads(metadata.get(FACTS, b"{}")), path)
 
 
 def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, Any]]:

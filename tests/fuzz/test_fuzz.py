@@ -6,11 +6,14 @@
 import gzip
 import json
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from support.capture import as_bytes, pcap_head, pcap_packet, spin, udp_frame
 
 from fuzz.mutation import cases
 from fuzz.readers import READERS
+from velocal.io.storage import FACTS
 
 PARTS = 500
 
@@ -58,10 +61,20 @@ def wordy_covariance() -> bytes:
     return json.dumps(content).encode()
 
 
+def index_without_a_fact() -> bytes:
+    table = pq.read_table(pa.BufferReader(READERS["rotations"].seeds[0]))
+    told = dict(table.schema.metadata)
+    facts = json.loads(told[FACTS])
+    del facts["step_ticks"]
+    written = pa.BufferOutputStream()
+    pq.write_table(table.replace_schema_metadata(told | {FACTS: json.dumps(facts)}), written)
+    return written.getvalue().to_pybytes()
+
+
 FINDINGS = {
     "a fact of an index whose name is damaged": (
         "rotations",
-        lambda: READERS["rotations"].seeds[0].replace(b'"step_ticks"', b'"step_tucks"'),
+        index_without_a_fact,
     ),
     "a covariance with a text in it": ("station", wordy_covariance),
     "bytes after the end of compressed content were rejected": ("compressed", ends_within_headers),

@@ -172,6 +172,20 @@ def test_it_becomes_snakemake(called, tmp_path, arguments, expected, begins):
     assert "--rerun-incomplete" in command
     assert command[len(command) - len(expected) :] == expected
     assert value == (BEGIN if begins else None)
+    assert ("--quiet" in command) == begins  # a dry run shows everything
+
+
+def test_how_much_snakemake_tells_can_be_chosen(called, tmp_path):
+    (tmp_path / "Snakefile").touch()
+    command, _ = called("--cores", "2", "--verbose")
+    assert "--quiet" not in command
+
+
+def test_without_snakemake_it_says_what_to_install(called, tmp_path, monkeypatch):
+    (tmp_path / "Snakefile").touch()
+    monkeypatch.setattr(run, "find_spec", lambda name: None)
+    with pytest.raises(RunError, match=r"snakemake, which is not installed\nHint: .* pip install"):
+        called("--cores", "2")
 
 
 def test_it_runs_in_the_folder_of_the_study(called, tmp_path):

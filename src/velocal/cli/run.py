@@ -53,6 +53,6 @@ def run(
         environment[VARIABLE] = BEGIN
     # `--quiet` takes all words up to the next option.
     quiet = () if dry or given & LOUD else QUIET
-    command = ["-m", "snakemake", *quiet, "--cores", cores, *OPTIONS, *context.args]
+    command = ["-m", "snakemake", "--cores", cores, *quiet, *OPTIONS, *context.args]
     # Snakemake takes the place of this process, and gets all signals itself.
     os.execve(sys.executable, [sys.executable, *command], environment)

@@ -24,7 +24,7 @@ SCANNER = "HDL-32E"
 SAMPLES = {"monday": "P5", "tuesday": "P6"}
 #: Complete rotations of each of the windows at the beginning, in the middle and at the end.
 WINDOW_ROTATIONS = 3
-#: Rotations of a capture; the first and the last one are not complete.
+#: Complete rotations of a capture: the windows, and some between them that are only judged.
 ROTATIONS = 3 * WINDOW_ROTATIONS + 2
 
 _FRAME_BYTES = 42 + PAYLOAD_BYTES

@@ -339,6 +339,10 @@ def test_a_factory_file_is_applied_with_its_near_points(tmp_path):
     formats.write(tmp_path / "view.xml", turned)
     done = run(path, "-o", tmp_path / "p.ply", "-c", tmp_path / "view.xml", "--scanner", "HDL-64E")
     assert "veloview rounds azimuths to 0.01 deg: left out, up to 0.7 cm at 80 m" in done.output
+    assert "nominal values are used" not in done.output
+    done = run(path, "-o", tmp_path / "q.ply", "--scanner", "HDL-64E")
+    assert done.exit_code == 0
+    assert "nominal values are used: every HDL-64E has a calibration of its own" in done.output
 
 
 @pytest.mark.parametrize(
@@ -350,6 +354,7 @@ def test_a_factory_file_is_applied_with_its_near_points(tmp_path):
         (["-o", "x.ply", "--picture", "x.png"], "together with --before"),
         (["-o", "x.ply", "--frame", "enu"], "allowed: velocal, ros"),
         (["-o", "x.ply", "-c", "gone.xml"], "gone.xml"),
+        (["-o", "x.ply", "--min-range", 5, "--max-range", 2], "from 5 to 2 m there is no point"),
     ],
 )
 def test_wrong_calls(capture, tmp_path, monkeypatch, arguments, message):

@@ -35,6 +35,12 @@ if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
 
 #: Files of points that can be written, `velocal.points.files.FORMATS`.
 SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".parquet")
+#: Said where nominal values are used although every unit has a file of its own.
+NO_FILE = (
+    "nominal values are used: every {} has a calibration of its own, without which points are "
+    "off by more than a metre. Name its file by --calibration; some units send it "
+    "(`velocal calibration from-recording`)"
+)
 #: Rotations that the picture is made of: enough to show noise, few enough to draw.
 PICTURE_ROTATIONS = 3
 
@@ -88,6 +94,12 @@ def points(
 
     if frame not in FRAMES:
         raise ConfigError(f"unknown frame {frame!r}", where="--frame", allowed=", ".join(FRAMES))
+    if min_range >= max_range:
+        raise ConfigError(
+            f"from {min_range:g} to {max_range:g} m there is no point",
+            where="--min-range, --max-range",
+            allowed="a shorter one, then a longer one",
+        )
     if picture is not None and (before is None or picture.suffix.lower() != ".png"):
         raise ConfigError(
             f"{picture.name} cannot be drawn",
@@ -102,6 +114,8 @@ def points(
     recording = scanned(file, scanner, port, address)
     inspection, known = recording.scan(), recording.scanner
     tell([*recording.remarks, *recording.motion_remarks()])
+    if calibration == "nominal" and known.has_factory_file:
+        tell([NO_FILE.format(known.name)])
     chosen = _chosen(rotations, every, len(inspection.index))
     settings = Settings(
         known,

@@ -21,7 +21,7 @@ PAGE = ROOT / "docs/tutorial.md"
 #: In place of pipx: installs the wheel from the disk, as tests use no network.
 _PIPX = """#!/bin/sh
 test "$*" = "install velocal" || exit 2
-exec "{python}" -m pip --python "{venv}/bin/python" install --quiet --no-index --no-deps {wheel}
+exec "{python}" -m pip --python "{venv}/bin/python" install --quiet --no-index --no-deps '{wheel}'
 """
 
 

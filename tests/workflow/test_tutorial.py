@@ -19,7 +19,8 @@ pytestmark = pytest.mark.workflow
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """Programs of the clean environment, the folder of the tutorial, and what was printed."""
-    folder = tmp_path_factory.mktemp("new user")
+    # Without a blank: Snakemake cannot start a Python whose path has one.
+    folder = tmp_path_factory.mktemp("new_user")
     programs = clean_environment(folder)
     return programs, folder, run(programs, folder)
 

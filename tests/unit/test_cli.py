@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ from support.chain import study_world
 from support.containers import ethernet, ip_packet, pcap_of
 
 from velocal.calibration.files import formats
+from velocal.cli import EXIT_CODES
 from velocal.io import schemas, storage
 from velocal.packets.data import view
 from velocal.packets.status import TABLE_PACKETS
@@ -162,9 +164,46 @@ def test_one_of_two_returns(tmp_path):
     assert len(columns["strongest"]["distance"]) == 90 * 6 * 32
 
 
+@pytest.mark.parametrize("code", [129, 130, 143])
+def test_a_signal_ends_a_command_with_its_exit_code(code, tmp_path):
+    fifo = tmp_path / "x.mcap"
+    script = (
+        "import os, signal, time; from velocal.cli import points, main; import sys;"
+        f"points.scanned = lambda *_: os.kill(os.getpid(), {code} - 128) or time.sleep(60);"
+        f"sys.argv = ['velocal', 'points', 'x', '-o', {str(fifo)!r}]; main()"
+    )
+    environment = {"PYTHONPATH": os.environ.get("PYTHONPATH", ""), "PATH": ""}
+    # The handler of SIGINT that a terminal gives: a job in the background may ignore it.
+    started = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {script}"
+    done = subprocess.run([sys.executable, "-c", started], capture_output=True, env=environment)
+    assert done.returncode == code
+    assert code in EXIT_CODES
+    assert not list(tmp_path.iterdir())
+
+
+def test_exit_codes_are_documented(root):
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", (root / "docs/how-to.md").read_text(), re.M)
+    assert {int(code): text for code, text in rows} == EXIT_CODES
+
+
+def test_shells_complete_commands():
+    environment = {
+        "_VELOCAL_COMPLETE": "complete_bash", "COMP_WORDS": "velocal calib", "COMP_CWORD": "1",
+        "PYTHONPATH": os.environ.get("PYTHONPATH", ""), "PATH": "",
+    }  # fmt: skip
+    script = "import sys; sys.argv = ['velocal']; from velocal.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment
+    )
+    assert done.stdout.split() == ["calibration"]
+
+
 def test_help_and_version():
     assert "inspect" in velocal("--help").stdout
-    assert velocal("--version").stdout.startswith("velocal ")
+    told = velocal("--version").stdout
+    assert told.startswith("velocal ")
+    assert re.search(r"^commit (unknown|[0-9a-f]{40}(-dirty)?)$", told, re.M)
+    assert all(f"\n{name} " in told for name in ("python", "numpy", "pandas", "snakemake"))
     bare = velocal("calibration")
     assert (bare.returncode, bare.stderr) == (2, "")
     assert "from-recording" in bare.stdout

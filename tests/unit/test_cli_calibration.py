@@ -288,3 +288,29 @@ def test_wrong_calls_without_a_traceback(files, monkeypatch, capsys):
 
 def test_names_are_complete():
     assert calibration.NAMES.split(", ") == list(DIALECTS)
+
+
+def test_lint_for_programs(files):
+    (files / "bad.yaml").write_text("lasers: []\n")
+    done = run("lint", files / "bad.yaml", files / "db.xml", "--json")
+    told = json.loads(done.stdout)
+    assert done.exit_code == 1
+    assert list(told) == [str(files / "bad.yaml"), str(files / "db.xml")]
+    assert told[str(files / "db.xml")] == []
+    assert all(finding.keys() == {"code", "text"} for finding in told[str(files / "bad.yaml")])
+    assert told[str(files / "bad.yaml")]
+
+
+def test_diff_for_programs(files):
+    told = json.loads(
+        run("diff", files / "db.xml", files / "set.json", "--ranges", "3,10", "--json").stdout
+    )
+    assert told["first"] == "db.xml (manual)"
+    assert told["scanner"] == "HDL-64E"
+    one, other = (formats.read_calibration(files / name) for name in ("db.xml", "set.json"))
+    apart = max_point_distance(
+        (DIALECTS["manual"], one.parameters), (PAPER, other.parameters), (3.0, 10.0),
+        scanner=SCANNERS["HDL-64E"], rate_hz=10.0,
+    )  # fmt: skip
+    assert [row["range_m"] for row in told["ranges"]] == [3.0, 10.0]
+    np.testing.assert_allclose([row["distance_cm"] for row in told["ranges"]], 100.0 * apart)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from rosbags.highlevel import AnyReader
 from support.capture import pcap, record_list, spin, write
 from typer.testing import CliRunner
 
@@ -257,6 +258,60 @@ def test_files_are_read_back(suffix, shift, tmp_path):
         np.testing.assert_allclose(columns[name], expect[name], rtol=0, atol=tolerance)
     assert len(columns["x"]) == len(expect["x"]) > 100_000
     assert sorted(p.name for p in out.parent.glob("*.*")) == [again.name, out.name]
+
+
+@pytest.mark.parametrize("shift", [False, True])
+def test_a_bag_is_read_back_by_rosbags(shift, tmp_path):
+    scanner = SCANNERS["HDL-32E"]
+    _, path = recording(tmp_path, scanner.name, 300)
+    settings = Settings(
+        scanner, calibration(scanner), calibration(scanner, 2) if shift else None, frame="ros"
+    )
+    expect, found = everything(path, settings), inspect(path)
+    facts = {"scanner": scanner.name, "frame": "ros"}
+    for out in (tmp_path / "a.mcap", tmp_path / "b.mcap"):
+        with cloud_writer(out, shift=shift, facts=facts) as write_columns:
+            for columns, _ in stream(path, found, np.arange(len(found.index)), settings):
+                write_columns(columns)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    clouds, starts, ids = [], [], set()
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        for connection, time_ns, raw in reader.messages():
+            cloud = reader.deserialize(raw, connection.msgtype)
+            stamp = cloud.header.stamp
+            assert time_ns == stamp.sec * 10**9 + stamp.nanosec
+            kinds = {4: "<u2", 7: "<f4"}
+            row = np.dtype([(f.name, kinds[f.datatype]) for f in cloud.fields])
+            assert [row.fields[f.name][1] for f in cloud.fields] == [f.offset for f in cloud.fields]
+            clouds.append(cloud.data.view(row))
+            assert len(clouds[-1]) == cloud.width == cloud.row_step // cloud.point_step
+            starts.append(np.full(cloud.width, time_ns * 1e-9))
+            ids.add((connection.topic, cloud.header.frame_id))
+    assert ids == {("/velodyne_points", "velodyne")}
+    assert len(clouds) == len(set(expect["rotation"]))
+    points = np.concatenate(clouds)
+    assert list(points.dtype.names) == ["x", "y", "z", "intensity", "ring", "time"] + (
+        ["shift"] if shift else []
+    )
+    for name in {*points.dtype.names} - {"ring", "time"}:
+        np.testing.assert_array_equal(points[name], expect[name])
+    # Half a nanosecond of the stamp, and single precision of a tenth of a second.
+    np.testing.assert_allclose(
+        np.concatenate(starts) + points["time"], expect["time"], rtol=0, atol=2e-8
+    )
+    # Rings count from the lowest laser up.
+    angle = parameters.nominal(scanner).v[expect["laser_id"]]
+    assert (np.diff(angle[np.argsort(points["ring"], kind="stable")]) >= 0.0).all()
+    assert set(points["ring"]) == set(range(32))
+
+
+def test_nothing_is_left_of_a_bag_that_failed(tmp_path):
+    with (
+        pytest.raises(ValueError, match="stop"),
+        cloud_writer(tmp_path / "x.mcap", shift=False, facts={"scanner": "VLP-16"}),
+    ):
+        raise ValueError("stop")
+    assert not list(tmp_path.iterdir())
 
 
 def test_headers_are_padded_to_one_length(tmp_path):

@@ -12,10 +12,19 @@ from velocal.cli.common import errors, escape
 from velocal.errors import VelocalError
 from velocal.io.output import stopped_cleanly
 
+#: Exit codes of all commands, for users: docs/how-to.md shows them.
+EXIT_CODES = {
+    0: "the command did what it was asked for",
+    1: "an input was refused, `calibration lint` found a fault, or a job of `run` failed",
+    2: "there is no such command or option, or an argument is missing",
+    129: "ended by SIGHUP: the terminal was closed",
+    130: "ended by SIGINT: Ctrl-C",
+    143: "ended by SIGTERM",
+}
+
 app = typer.Typer(
     help="Calibrate Velodyne laser scanners against surveyed planes.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -33,7 +42,8 @@ app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options"
 def main() -> None:
     """Run the command line.
 
-    Faults of the input end in one message and exit code 1, wrong calls in one and exit code 2.
+    Faults of the input end in one message and exit code 1, wrong calls in one and exit code 2;
+    `EXIT_CODES` lists all.
     """
     try:
         with stopped_cleanly():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,13 +22,14 @@ from velocal.calibration.convert import (
     near_points_differ,
 )
 from velocal.calibration.dialects import DIALECTS, PAPER, Dialect, dialect_named
-from velocal.cli.common import Force, escape, print_json, say
+from velocal.cli.common import Force, Json, escape, print_json, say
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 from velocal.scanner.models import SCANNERS, Scanner, scanner_named
 from velocal.scanner.parameters import UNITS
 
 if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from velocal.arrays import Array
     from velocal.calibration.files.document import CalibrationFile
 
 NAMES = ", ".join(DIALECTS)
@@ -68,7 +69,7 @@ Rate = Annotated[
 def show(
     file: File,
     scanner: ScannerName = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Print what a calibration holds, in degrees and centimetres."""
     from velocal.calibration.files import formats
@@ -107,6 +108,7 @@ def show(
 def lint(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Calibrations to check.")],
     scanner: ScannerName = None,
+    as_json: Json = False,
 ) -> None:
     """Look for faults: lasers missing or doubled, units, signs, values that cannot be.
 
@@ -116,13 +118,19 @@ def lint(
 
     known = scanner_named(scanner, where="--scanner") if scanner else None
     faults = 0
+    told: dict[str, list[dict[str, str]]] = {}
     for file in files:
         findings = find_faults(file, known)
+        faults += len(findings)
+        if as_json:
+            told[str(file)] = [asdict(finding) for finding in findings]
+            continue
         for finding in findings:
             say(f"{file}: {finding.code}: {finding.text}")
         if not findings:
             say(f"{file}: no problems found")
-        faults += len(findings)
+    if as_json:
+        print_json(told)
     if faults:
         raise typer.Exit(1)
 
@@ -233,6 +241,7 @@ def diff(
         Path | None, typer.Option("--figure", help="Picture to write (.png; .svg beside it).")
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Differences of every laser.")] = None,
+    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Show the distances between the points of two calibrations, at chosen ranges.
@@ -240,8 +249,6 @@ def diff(
     The same file may be given twice, with different programs: the distances are then what the
     choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
-    import numpy as np
-
     at = _ranges(ranges)
     drawn = [] if picture is None else [picture.with_suffix(".svg"), picture.with_suffix(".png")]
     check_outputs([*drawn, *([csv] if csv else [])], [first, second], overwrite=force)
@@ -253,21 +260,18 @@ def diff(
         (one, a.parameters), (other, b.parameters), at, scanner=known, rate_hz=rate_hz or RATE_HZ
     )
     labels = f"{first.name} ({one.name})", f"{second.name} ({other.name})"
-    table = Table(
-        "range", "median", "95 %", "largest", "of laser", title=escape(" against ".join(labels))
-    )
-    for column in table.columns:
-        column.justify = "right"
-    for range_m, row in zip(at, 100.0 * apart, strict=True):
-        numbers = (np.median(row), np.quantile(row, 0.95), row.max())
-        laser = str(int(row.argmax())) if row.max() > 0 else ""
-        table.add_row(f"{range_m:g} m", *(f"{value:.2f} cm" for value in numbers), laser)
-    console = Console(highlight=False)
-    console.print(table)
     note = "per laser the largest over all azimuths" + (
         f"; azimuths within a firing of the {known.name} at {rate_hz:g} Hz" if known else ""
     )
-    console.print(f"{note[0].upper()}{note[1:]}.")
+    if as_json:
+        rows = [
+            {"range_m": range_m, "distance_cm": list(row)}
+            for range_m, row in zip(at, 100.0 * apart, strict=True)
+        ]
+        sides = {"first": labels[0], "second": labels[1]}
+        print_json({**sides, "scanner": known.name if known else None, "ranges": rows})
+    else:
+        _print_differences(labels, at, 100.0 * apart, note)
     if picture or csv:
         from velocal.reporting.figures.calibration import difference_table, draw_differences
         from velocal.reporting.style import save
@@ -279,6 +283,26 @@ def diff(
         if picture:
             figure = draw_differences(at, apart, *labels, note)
             save(figure, picture.with_suffix(".svg"), picture.with_suffix(".png"))
+
+
+def _print_differences(
+    labels: tuple[str, str], at: tuple[float, ...], apart_cm: Array, note: str
+) -> None:
+    """Print distances (ranges, lasers) between points as a table."""
+    import numpy as np
+
+    table = Table(
+        "range", "median", "95 %", "largest", "of laser", title=escape(" against ".join(labels))
+    )
+    for column in table.columns:
+        column.justify = "right"
+    for range_m, row in zip(at, apart_cm, strict=True):
+        numbers = (np.median(row), np.quantile(row, 0.95), row.max())
+        laser = str(int(row.argmax())) if row.max() > 0 else ""
+        table.add_row(f"{range_m:g} m", *(f"{value:.2f} cm" for value in numbers), laser)
+    console = Console(highlight=False)
+    console.print(table)
+    console.print(f"{note[0].upper()}{note[1:]}.")
 
 
 def _read(file: Path, scanner: str | None) -> CalibrationFile:

@@ -46,6 +46,7 @@ ScannerName = Annotated[
 ]
 
 
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
 MaxMissing = Annotated[
     float,

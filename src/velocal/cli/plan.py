@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from velocal.cli.common import Force, escape, print_json, progress, say, tell
+from velocal.cli.common import Force, Json, escape, print_json, progress, say, tell
 from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS
 
@@ -50,7 +50,7 @@ def plan(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for tables, JSON and pictures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Tell what a calibration will state: standard deviations per laser, and the best station.

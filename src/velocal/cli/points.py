@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
     from velocal.scanner.parameters import LaserParameters
 
 #: Files of points that can be written, `velocal.points.files.FORMATS`.
-SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".parquet")
+SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".parquet", ".mcap")
 #: Said where nominal values are used although every unit has a file of its own.
 NO_FILE = (
     "nominal values are used: every {} has a calibration of its own, without which points are "
@@ -77,11 +77,16 @@ def points(
         float, typer.Option(min=0.0, help="Leave out farther points, metres.")
     ] = math.inf,
     frame: Annotated[
-        str, typer.Option(help="Axes. velocal: Y forward, X right; ros: X forward, Y left.")
-    ] = "velocal",
+        str | None,
+        typer.Option(
+            help="Axes. velocal: Y forward, X right; ros: X forward, Y left. If left out: ros for "
+            ".mcap, velocal for the others.",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
-    """Write the points of a recording with a calibration: PLY, PCD, LAS, LAZ or Parquet.
+    """Write the points of a recording with a calibration: cloud, table or bag of ROS 2.
 
     A file is applied as the program does for which it is written, with its near-point corrections.
     Every point has its laser, rotation, time and intensity. Rotations are numbered from 0. The
@@ -92,6 +97,7 @@ def points(
     from velocal.points.files import cloud_writer
     from velocal.points.stream import FRAMES, Settings, raw_returns, stream
 
+    frame = frame or ("ros" if output.suffix.lower() == ".mcap" else "velocal")
     if frame not in FRAMES:
         raise ConfigError(f"unknown frame {frame!r}", where="--frame", allowed=", ".join(FRAMES))
     if min_range >= max_range:

@@ -14,6 +14,7 @@ from velocal.cli.common import (
     Dialect,
     File,
     Force,
+    Json,
     MaxMissing,
     Port,
     Returns,
@@ -50,7 +51,7 @@ def inspect(
     frame: Annotated[
         str | None, typer.Option(help="Axes of a cloud, velocal or ros, where it does not say.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Show what a recording holds: scanner, rotations, rates, and a ledger of every byte.
 

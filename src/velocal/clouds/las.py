@@ -56,7 +56,7 @@ def _opened(path: Path) -> Iterator[Any]:
             "LAS needs the package laspy, which is not installed",
             where=str(path),
             allowed=".ply, .pcd, .parquet, .bin or a ROS bag",
-            hint="Install it: pip install 'velocal[las]'",
+            hint="Install it: pip install 'laspy[lazrs]'",
         ) from None
     _check_header(path)
     try:

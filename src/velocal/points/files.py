@@ -1,4 +1,4 @@
-"""Files of points: PLY, PCD, LAS, LAZ and Parquet, streamed; they appear when they are finished."""
+"""Files of points, streamed; they appear when they are finished."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from velocal.clouds import las
 from velocal.errors import ConfigError
 from velocal.io import schemas, storage
 from velocal.io.output import new_file
+from velocal.points.bag import bag
 
 #: One array per field, as `velocal.points.stream.stream` gives them.
 Columns = Mapping[str, NDArray[Any]]
@@ -185,14 +186,21 @@ def _laspy(path: Path) -> Any:
         raise ConfigError(
             f"{path.suffix} needs the package laspy, which is not installed",
             where=str(path),
-            allowed=".ply, .pcd, .parquet",
+            allowed=".ply, .pcd, .parquet, .mcap",
             hint="Install it: pip install 'laspy[lazrs]'",
         ) from None
     return laspy
 
 
 #: By suffix.
-FORMATS = {".ply": _ply, ".pcd": _pcd, ".las": _las, ".laz": _las, ".parquet": _parquet}
+FORMATS = {
+    ".ply": _ply,
+    ".pcd": _pcd,
+    ".las": _las,
+    ".laz": _las,
+    ".parquet": _parquet,
+    ".mcap": bag,
+}
 
 
 def cloud_writer(

@@ -225,3 +225,8 @@ def last_words():
         text = Path(VERDICTS).read_text("utf-8") if VERDICTS else place
         said.append(text.splitlines()[-1])
     return said
+
+
+def in_report(kind, category, files):
+    """Files as outputs that `snakemake --report` shows, with the caption of their kind."""
+    return report(files, caption=f"../report/{kind}.rst", category=category)

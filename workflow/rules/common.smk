@@ -17,8 +17,7 @@ from velocal.survey.checks.findings import read_findings
 from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
-WORKFLOW = Path(str(workflow.current_basedir)).parent
-SCRIPTS = WORKFLOW.parent / "scripts"
+RULES = workflow.current_basedir
 CONFIG_NAME = ", ".join(map(str, workflow.configfiles)) or "configuration"
 
 try:

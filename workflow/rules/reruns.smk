@@ -61,6 +61,9 @@ def complete(rules):
             each.benchmark_modifier = each.log_modifier
             each.benchmark = benchmark_of(each)
             each.conda_env = "../../environment.yml"
+            if str(RULES).startswith("git+file:"):
+                # Snakemake 9.27 cannot find a relative script there.
+                each.script = str(RULES.join(each.script))
 
 
 def benchmark_of(rule):

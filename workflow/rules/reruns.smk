@@ -55,7 +55,7 @@ def complete(rules):
     for each in rules:
         script = Path(str(each.script or "")).name
         if script and each.basedir == RULES and "library" not in each.params.keys():
-            # The path that the rule names may be in a git repository: the library has the same.
+            # The workflow may be in a git repository; the library has the same scripts.
             script = shipped(f"scripts/{script}")
             each.set_params(library=library_digest(script), given=given_inputs(each))
             each.benchmark_modifier = each.log_modifier

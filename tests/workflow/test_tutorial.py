@@ -1,6 +1,7 @@
 """The tutorial, from the wheel to a calibration file, in a folder outside any checkout."""
 
 import subprocess
+import zipfile
 
 import numpy as np
 import pytest
@@ -65,11 +66,30 @@ def test_nothing_came_from_the_checkout(finished):
 
 
 def test_snakemake_itself_finds_nothing_to_do(finished):
+    done = snakemake(finished, "--cores", "2")
+    assert "Nothing to be done" in done.stdout + done.stderr
+
+
+def test_the_report_of_snakemake_holds_what_people_look_at(finished):
+    snakemake(finished, "--cores", "1", "--report", "report.zip")
+    with zipfile.ZipFile(finished[1] / "first-study/report.zip") as packed:
+        names = {name.rpartition("/")[2] for name in packed.namelist() if "/data/" in name}
+        page = packed.read("report/report.html").decode()
+    assert names == {
+        "report.html", "certificate.html", "table_2.csv", "table_4.csv",
+        "figure_01.png", "figure_02.png", "figure_03.png",
+    }  # fmt: skip
+    for text in ("Figures", "Tables", "Report", "one row per sample", "simulated HDL-32E"):
+        assert text in page
+
+
+def snakemake(finished, *arguments):
+    """Snakemake of the clean environment, in the folder of the study."""
     programs, folder, _ = finished
     done = subprocess.run(
-        [programs / "python", "-m", "snakemake", "--cores", "2"],
+        [programs / "python", "-m", "snakemake", *arguments],
         cwd=folder / "first-study", env={"HOME": str(folder), "PATH": "/usr/bin:/bin"},
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "Nothing to be done" in done.stdout + done.stderr
+    return done

@@ -138,7 +138,7 @@ rule write_certificate:
         ),
     output:
         json=f"{RESULTS}/certificate.json",
-        html=f"{RESULTS}/certificate.html",
+        html=in_report("certificate", "Report", f"{RESULTS}/certificate.html"),
     log:
         f"{RESULTS}/logs/write_certificate.log",
     params:

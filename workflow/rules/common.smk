@@ -17,8 +17,7 @@ from velocal.survey.checks.findings import read_findings
 from velocal.survey.files import check_survey
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
-WORKFLOW = Path(str(workflow.current_basedir)).parent
-SCRIPTS = WORKFLOW.parent / "scripts"
+RULES = workflow.current_basedir
 CONFIG_NAME = ", ".join(map(str, workflow.configfiles)) or "configuration"
 
 try:
@@ -225,3 +224,8 @@ def last_words():
         text = Path(VERDICTS).read_text("utf-8") if VERDICTS else place
         said.append(text.splitlines()[-1])
     return said
+
+
+def in_report(kind, category, files):
+    """Files as outputs that `snakemake --report` shows, with the caption of their kind."""
+    return report(files, caption=f"../report/{kind}.rst", category=category)

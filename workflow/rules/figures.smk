@@ -39,7 +39,7 @@ rule draw_lasers:
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
         svg=figure_files(LASER_FIGURES, ["svg"]),
-        png=figure_files(LASER_FIGURES, ["png"]),
+        png=in_report("figure", "Figures", figure_files(LASER_FIGURES, ["png"])),
         csv=figure_files(LASER_FIGURES, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_lasers.log",
@@ -56,7 +56,7 @@ rule draw_histogram:
         residuals=grouped(OF_HISTOGRAMS),
     output:
         svg=figure_files(HISTOGRAMS, ["svg"]),
-        png=figure_files(HISTOGRAMS, ["png"]),
+        png=in_report("figure", "Figures", figure_files(HISTOGRAMS, ["png"])),
         csv=figure_files(HISTOGRAMS, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_histogram.log",
@@ -76,7 +76,7 @@ rule draw_corrections:
         calibration=grouped(OF_CORRECTIONS["calibration"]),
     output:
         svg=figure_files(CORRECTIONS, ["svg"]),
-        png=figure_files(CORRECTIONS, ["png"]),
+        png=in_report("figure", "Figures", figure_files(CORRECTIONS, ["png"])),
         csv=figure_files(CORRECTIONS, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_corrections.log",
@@ -96,7 +96,7 @@ rule draw_corrections:
 rule draw_diagram:
     output:
         svg=figure_files(DIAGRAMS, ["svg"]),
-        png=figure_files(DIAGRAMS, ["png"]),
+        png=in_report("figure", "Figures", figure_files(DIAGRAMS, ["png"])),
         csv=figure_files(DIAGRAMS, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_diagram.log",
@@ -109,7 +109,7 @@ rule draw_diagram:
 rule draw_procedure:
     output:
         svg=figure_files(PROCEDURES, ["svg"]),
-        png=figure_files(PROCEDURES, ["png"]),
+        png=in_report("figure", "Figures", figure_files(PROCEDURES, ["png"])),
         csv=figure_files(PROCEDURES, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_procedure.log",

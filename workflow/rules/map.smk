@@ -35,7 +35,7 @@ rule draw_plan:
         calibration=grouped(OF_PLANS["calibration"]),
     output:
         svg=figure_files(PLANS, ["svg"]),
-        png=figure_files(PLANS, ["png"]),
+        png=in_report("figure", "Figures", figure_files(PLANS, ["png"])),
         csv=figure_files(PLANS, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_plan.log",

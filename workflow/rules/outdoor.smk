@@ -105,7 +105,7 @@ rule draw_panels:
         summary=f"{RESULTS}/outdoor/summary.csv",
     output:
         svg=figure_files(OUTDOOR_FIGURES, ["svg"]),
-        png=figure_files(OUTDOOR_FIGURES, ["png"]),
+        png=in_report("figure", "Figures", figure_files(OUTDOOR_FIGURES, ["png"])),
         csv=figure_files(OUTDOOR_FIGURES, ["csv"]),
     log:
         f"{RESULTS}/logs/draw_panels.log",

@@ -12,6 +12,7 @@ from velocal.io.identity import WHOLE_BYTES, identify
 from velocal.io.provenance import library_digest
 from velocal.io.run_times import write_summary
 from velocal.study.files import given_files
+from velocal.study.shipped import shipped
 
 GIVEN = given_files(STUDY)
 
@@ -52,12 +53,17 @@ def complete(rules):
     environment.yml tells; no channel has it, so `--software-deployment-method conda` cannot make it.
     """
     for each in rules:
-        script = (Path(str(each.basedir)) / (each.script or "")).resolve()
-        if script.parent == SCRIPTS.resolve() and "library" not in each.params.keys():
+        script = Path(str(each.script or "")).name
+        if script and each.basedir == RULES and "library" not in each.params.keys():
+            # The workflow may be in a git repository; the library has the same scripts.
+            script = shipped(f"scripts/{script}")
             each.set_params(library=library_digest(script), given=given_inputs(each))
             each.benchmark_modifier = each.log_modifier
             each.benchmark = benchmark_of(each)
             each.conda_env = "../../environment.yml"
+            if str(RULES).startswith("git+file:"):
+                # Snakemake 9.27 cannot find a relative script there.
+                each.script = str(RULES.join(each.script))
 
 
 def benchmark_of(rule):

@@ -24,7 +24,7 @@ rule make_table:
     input:
         summary=f"{RESULTS}/statistics/summary.csv",
     output:
-        csv=table_files("csv"),
+        csv=in_report("table", "Tables", table_files("csv")),
         md=table_files("md"),
         tex=table_files("tex"),
     log:
@@ -109,7 +109,7 @@ rule write_report:
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
         outdoor_numbers=figure_files(OUTDOOR_FIGURES, ["csv"]),
     output:
-        report_html=f"{RESULTS}/report.html",
+        report_html=in_report("page", "Report", f"{RESULTS}/report.html"),
     log:
         f"{RESULTS}/logs/write_report.log",
     localrule: True

@@ -249,7 +249,7 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     -------
     UnitCalibration
         The variances of the angles that are not adjusted are those of the unit as the data show
-        them; the covariances of the distances are those for given angles.
+        them. The covariance contains what errors of this size do to the distances.
 
     Raises
     ------
@@ -265,35 +265,25 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
         )
     factory = used[0].cloud.parameters
     stations = [unit_station_of(each) for each in used]
-    found = adjust_unit(stations, factory, replace(settings, integration_points=1))
+    found = adjust_unit(stations, factory, settings)
     share = np.median(found.determined[found.calibration.observed], axis=0)
     held = {
         name: _HELD_RAD
         for name, decided in zip(NAMES, share, strict=True)
         if name != "dl" and decided < LEAST_SHARE
     }
-    result = adjust_unit(
-        stations, factory, replace(settings, prior={**(settings.prior or {}), **held})
+    if not held:
+        return found
+    spread = {one.name.removeprefix("sigma_"): one.rms for one in found.population}
+    return adjust_unit(
+        stations,
+        factory,
+        replace(
+            settings,
+            prior={**(settings.prior or {}), **held},
+            least_std={**settings.least_std, **{name: spread[name] for name in held}},
+        ),
     )
-    return _with_spread(result, {name: found.sigma(f"sigma_{name}") for name in held})
-
-
-def _with_spread(unit: UnitCalibration, left: Mapping[str, float]) -> UnitCalibration:
-    """State the spread over the lasers as the standard deviation of what was not adjusted.
-
-    Parameters
-    ----------
-    unit : UnitCalibration
-    left : mapping of str to float
-        Spread of the parameters that stayed at the factory's values, radians.
-    """
-    calibration = unit.calibration
-    unknown = calibration.sources["prior"].copy()
-    for name, spread in left.items():
-        at = NAMES.index(name)
-        unknown[:, at, at] += spread**2
-    sources = {**calibration.sources, "prior": unknown}
-    return replace(unit, calibration=replace(calibration, sources=sources))
 
 
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:

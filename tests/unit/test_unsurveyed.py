@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.errors import VelocalError
 from velocal.evaluation.another_plane import with_another_plane, with_another_room
 from velocal.evaluation.holdout import Verdict
@@ -116,6 +117,12 @@ def test_the_covariance_contains_what_an_angle_that_is_not_adjusted_does_to_dist
     # The error of v is minus its true value, as the estimate stays at zero.
     assert abs(moved) > 1e-3
     assert covariance[0, 2] / covariance[2, 2] == pytest.approx(-moved / wrong, rel=0.2)
+    # What is said of the mean does not take v of all lasers to be equal.
+    free = adjust_unit([unit_station_of(seen_of(errors, v=v))], NOMINAL, SETTINGS)
+    stated, expected = ({one.name: one for one in unit.common}["v"] for unit in (off, free))
+    assert stated.by_survey == expected.by_survey
+    assert stated.by_survey_std == expected.by_survey_std
+    assert stated.value == pytest.approx(0.0, abs=1e-6)
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):

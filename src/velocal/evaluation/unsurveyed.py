@@ -249,7 +249,8 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     -------
     UnitCalibration
         The variances of the angles that are not adjusted are those of the unit as the data show
-        them. The covariance contains what errors of this size do to the distances.
+        them. The covariance contains what errors of this size do to the distances. What the data
+        say of the mean of such an angle is stated (`CommonPart.by_survey`), and not corrected.
 
     Raises
     ------
@@ -275,7 +276,7 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     if not held:
         return found
     spread = {one.name.removeprefix("sigma_"): one.rms for one in found.population}
-    return adjust_unit(
+    result = adjust_unit(
         stations,
         factory,
         replace(
@@ -284,6 +285,15 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
             least_std={**settings.least_std, **{name: spread[name] for name in held}},
         ),
     )
+    # Where all lasers are taken to have the same angle, its mean seems to be known too well.
+    free = {one.name: one for one in found.common if one.name in held}
+    common = [
+        replace(one, by_survey=free[one.name].by_survey, by_survey_std=free[one.name].by_survey_std)
+        if one.name in free
+        else one
+        for one in result.common
+    ]
+    return replace(result, common=tuple(common))
 
 
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:

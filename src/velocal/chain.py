@@ -21,7 +21,6 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
-from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, Search
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
 from velocal.evaluation.unsurveyed import (
@@ -360,6 +359,8 @@ def calibrate_without_survey(
     """
     known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     parameters = nominal(known) if factory is None else factory
+    from velocal.evaluation.plane_search import find_planes  # here: scipy.spatial is slow to import
+
     how = Search.from_config(search or PlaneSearch.recommended())
     seen = []
     for number, beams in enumerate(recordings):

@@ -74,10 +74,11 @@ def assemble(
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
     # What the data do not decide stays with the mean of the unit. If this mean is known less well
     # than the lasers differ from each other, its variance is not a matter of a single laser.
-    of_mean = total - prior
-    to_mean = 1.0 - (variance - of_mean) / prior
-    share = np.where(of_mean > prior, np.maximum(determined, to_mean), determined)
-    held = share < settings.hold_below
+    in_common = root.mean(axis=0)
+    of_mean = (in_common**2).sum(axis=-1)
+    about_mean = variance - (root**2).sum(axis=-1) + ((root - in_common) ** 2).sum(axis=-1)
+    share = np.maximum(determined, 1.0 - about_mean / prior)
+    held = np.where(of_mean > prior, share, determined) < settings.hold_below
     # Errors of voff are not corrected: what they explain must not be what the others follow.
     known = covariance - sources["offsets"]
     corrections, back = hold(corrections, known, means, total, held)

@@ -1,4 +1,4 @@
-"""The measurements of speed: every framing holds the same packets, and missing programs are named."""
+"""Measurements of speed: all framings hold the same packets, and missing programs are named."""
 
 import sys
 from pathlib import Path

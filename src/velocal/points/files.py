@@ -78,7 +78,7 @@ def _text_headed(
             for name in names:
                 rows[name] = columns[name]
             # The memory itself: a copy of it as bytes takes longer than writing them.
-            file.write(rows.view(np.uint8))
+            file.write(rows.view(np.uint8).data)
             points += len(rows)
 
         file.write(head(0))

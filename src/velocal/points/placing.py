@@ -120,20 +120,23 @@ def _constants(parameters: LaserParameters, rotated: Array, tick_m: float) -> li
 
 
 class _NearPoints:
-    """Near-point corrections of a calibration."""
+    """Near-point corrections of a calibration; lengths along beams are in ticks, as distances."""
 
     def __init__(self, use: AppliedCalibration, two_point: TwoPoint, width: int) -> None:
+        tick_m = use.scanner.distance_tick_m
         effective = use.dialect.effective(use.parameters, use.scanner)
+        dl = effective.dl
         near_x, near_y = use.dialect.near(effective)
-        by_laser = (
-            effective.dl,
-            # What a metre nearer than the far point adds to the distance.
-            (near_x - effective.dl) / (FAR_POINT_M - NEAR_X_M),
-            (near_y - effective.dl) / (FAR_POINT_M - NEAR_Y_M),
+        # By what a point moves along its beam for each metre that it is nearer than the far point.
+        per_metre = (
+            (near_x - dl) / (FAR_POINT_M - NEAR_X_M),
+            (near_y - dl) / (FAR_POINT_M - NEAR_Y_M),
         )
-        self.dl, *self.more = (each.astype(np.float32).reshape(-1, width) for each in by_laser)
-        self.two_point = two_point
-        self.tick_m = np.float32(use.scanner.distance_tick_m)
+        self.dl, self.by_x, self.by_y = (
+            (each / tick_m).astype(np.float32).reshape(-1, width) for each in (dl, *per_metre)
+        )
+        self.with_offsets, self.z_is_mean = two_point.with_offsets, two_point.z == "mean"
+        self.limit = np.float32(two_point.limit_m / tick_m)
 
     def move(
         self,
@@ -144,25 +147,28 @@ class _NearPoints:
         turn: _Complex,
     ) -> None:
         """Add the corrections to points, shape (n, width), that the head has turned by `turn`."""
-        horizontal, z = points
-        distance_m = ticks * self.tick_m
-        within = distance_m <= self.two_point.limit_m
+        within = ticks <= self.limit
         if not within.any():
             return
-        beam, steep = lines.slope.take(bank, axis=0), lines.slope_z.take(bank, axis=0)
+        horizontal, z = points
+        beam = lines.slope.take(bank, axis=0)
         beam *= turn
-        beam /= self.tick_m
-        steep /= self.tick_m
-        at = horizontal
-        if not self.two_point.with_offsets:
-            at = beam * (distance_m + self.dl.take(bank, axis=0))
-        along_x, along_y = (
-            more.take(bank, axis=0) * within * (np.float32(FAR_POINT_M) - np.abs(part))
-            for more, part in zip(self.more, (at.imag, at.real), strict=True)
-        )
-        z += steep * (along_y if self.two_point.z == "y" else (along_x + along_y) / 2)
-        horizontal.imag += along_x * beam.imag
-        horizontal.real += along_y * beam.real
+        corrected = ticks + self.dl.take(bank, axis=0)
+        along = []
+        for part, of_beam, per_metre in (
+            (horizontal.imag, beam.imag, self.by_x),
+            (horizontal.real, beam.real, self.by_y),
+        ):
+            at = np.abs(part if self.with_offsets else of_beam * corrected)
+            further = np.subtract(np.float32(FAR_POINT_M), at, out=at)
+            further *= per_metre.take(bank, axis=0)
+            if not within.all():
+                further *= within
+            part += further * of_beam
+            along.append(further)
+        further_z = (along[0] + along[1]) / 2 if self.z_is_mean else along[1]
+        further_z *= lines.slope_z.take(bank, axis=0)
+        z += further_z
 
 
 class Lasers:

@@ -231,7 +231,10 @@ class Lasers:
             across, up = self._turned(1, ticks, bank, turn)
             across -= horizontal
             up -= z
-        return horizontal, z, np.hypot(np.abs(across), up)
+        up *= up
+        up += across.real**2
+        up += across.imag**2
+        return horizontal, z, np.sqrt(up, out=up)
 
     def _turned(
         self, number: int, ticks: _Floats, bank: NDArray[np.intp], turn: _Complex

@@ -508,7 +508,7 @@ def _own(unit: UnitCalibration, settings: UnitSettings) -> UnitSettings:
         settings,
         prior=prior,
         shift_m=_NO_SHIFT_M,
-        least_voff_m=0.0,
+        least_std={},
         hold_below=0.0,
         integration_points=1,
     )

@@ -85,6 +85,8 @@ def test_nothing_came_from_the_checkout(finished):
 def test_snakemake_itself_finds_nothing_to_do(finished):
     done = snakemake(finished, "--cores", "2")
     assert "Nothing to be done" in done.stdout + done.stderr
+    # The verdict stands at the end all the same.
+    assert done.stdout.splitlines()[-1].startswith("The report is results/report.html: HDL-32E/all")
 
 
 def test_the_report_of_snakemake_holds_what_people_look_at(finished):

@@ -1,9 +1,10 @@
 # velocal: every target installs what it needs in .venv, with only Python >= 3.11, pip and venv.
 #
-# Each of three stamps is written last, so that an interrupted installation is repeated:
+# Each of four stamps is written last, so that an interrupted installation is repeated:
 #   .venv/.locked     the exact packages of requirements.lock; installed again when the lock changes
 #   .venv/.installed  velocal itself, editable; installed again when pyproject.toml changes
 #   .venv/nist/.unpacked  reference data of NIST; without them, the tests that need them are skipped
+#   .venv/bench/.installed  other programs that `make bench` measures; nothing else sees this folder
 
 PYTHON ?= python3
 UV ?= uv
@@ -14,6 +15,8 @@ LOCKED := $(VENV)/.locked
 INSTALLED := $(VENV)/.installed
 NIST := $(VENV)/nist
 UNPACKED := $(NIST)/.unpacked
+BENCH := $(VENV)/bench
+PEERS := $(BENCH)/.installed
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --compile
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 CHECK_PAGES := $(BIN)/python -m velocal.reporting.pages --check
@@ -24,7 +27,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results paper coverage seeds pages field test lowest fuzz lint nist crate site lock clean
+.PHONY: help setup results paper coverage seeds pages field test lowest bench fuzz lint nist crate site lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -77,6 +80,9 @@ lowest: ## run the quick tests with the lowest versions that pyproject.toml allo
 fuzz: $(INSTALLED) ## try the readers of files with damaged ones, a minute each: tests/fuzz
 	PYTHONPATH=tests $(BIN)/python -m fuzz $(ARGS)
 
+bench: $(INSTALLED) $(PEERS) ## measure the speed against other programs: docs/performance.md
+	PYTHONPATH=$(BENCH) $(BIN)/python benchmarks/speed.py --write
+
 lint: $(INSTALLED) ## run only the checks: style, types, imports, workflow
 	$(RUN) ruff check
 	$(RUN) ruff format --check
@@ -100,6 +106,11 @@ $(UNPACKED): tests/reference/nist-requirements.txt $(LOCKED)
 	    echo "error: pip could not download them; see $(NIST)/log. Hint: with a network, run make nist" >&2; exit 1; }
 	@$(BIN)/python tests/reference/nist.py $(NIST)
 	@rm -f $(NIST)/*.tar.gz
+	@touch $@
+
+$(PEERS): benchmarks/requirements.txt $(LOCKED)
+	@rm -rf $(BENCH)
+	$(PIP_INSTALL) --require-hashes --no-deps --target $(BENCH) --requirement $<
 	@touch $@
 
 $(INSTALLED): $(LOCKED) pyproject.toml
@@ -133,6 +144,10 @@ lock: ## write the newest versions within the ranges of pyproject.toml into requ
 	   $(UV) pip compile --quiet --universal --python-version 3.11 --extra dev --generate-hashes --upgrade \
 	       --no-header --no-annotate --no-emit-index-url --no-emit-find-links pyproject.toml; } > requirements.lock.new
 	@mv requirements.lock.new requirements.lock
+	@{ echo "# Other programs that \`make bench\` measures. Made from the dependency group \"bench\" of pyproject.toml by: make lock"; \
+	   $(UV) pip compile --quiet --universal --python-version 3.11 --group bench --generate-hashes --upgrade \
+	       --no-header --no-annotate --no-emit-index-url --no-emit-find-links; } > requirements.lock.new
+	@mv requirements.lock.new benchmarks/requirements.txt
 
 clean: ## remove everything that a run made in results/ and results-paper/, but not .venv
 	find results -mindepth 1 ! -path results/README.md -delete

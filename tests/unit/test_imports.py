@@ -6,8 +6,11 @@ import sys
 import pytest
 from support.running import ROOT
 
-from velocal.cli.points import SUFFIXES
+from velocal.calibration import convert
+from velocal.calibration.dialects import DIALECTS
+from velocal.cli import names
 from velocal.points.files import FORMATS
+from velocal.scanner.models import SCANNERS
 
 HEAVY = ("jinja2", "matplotlib", "pandas", "pyarrow", "pydantic", "scipy", "yaml")
 STATISTICS = ("matplotlib", "pandas", "scipy.optimize", "scipy.stats")
@@ -26,7 +29,7 @@ def imported(module: str) -> set[str]:
     ("module", "without"),
     [
         ("velocal", (*HEAVY, "numpy")),
-        ("velocal.cli", HEAVY),
+        ("velocal.cli", (*HEAVY, "numpy")),
         ("index_recording", ("matplotlib", "pandas", "pydantic", "scipy")),
         ("reduce_recording", ("matplotlib", "pandas", "pydantic", "scipy")),
         ("simulate_recording", ("matplotlib", "pandas", "scipy")),
@@ -42,6 +45,9 @@ def test_only_what_is_needed_is_imported(module, without):
     assert not imported(module) & set(without)
 
 
-def test_the_help_names_all_formats_of_points():
-    """The command does not import the module of the formats for its help."""
-    assert tuple(FORMATS) == SUFFIXES
+def test_the_help_names_what_there_is():
+    """It does so without importing the modules that hold it."""
+    assert tuple(SCANNERS) == names.SCANNERS
+    assert tuple(DIALECTS) == names.DIALECTS
+    assert tuple(FORMATS) == names.SUFFIXES
+    assert (convert.RANGES_M, convert.RATE_HZ) == (names.RANGES_M, names.RATE_HZ)

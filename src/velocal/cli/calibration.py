@@ -12,25 +12,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from velocal.calibration.convert import (
-    RANGES_M,
-    RATE_HZ,
-    convert,
-    depends_on_rate,
-    differences,
-    max_point_distance,
-    near_points_differ,
-)
-from velocal.calibration.dialects import DIALECTS, PAPER, Dialect, dialect_named
 from velocal.cli.common import Force, Json, escape, print_json, say
+from velocal.cli.names import DIALECTS, RANGES_M, RATE_HZ, SCANNERS
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
-from velocal.scanner.models import SCANNERS, Scanner, scanner_named
-from velocal.scanner.parameters import UNITS
 
 if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
     from velocal.arrays import Array
+    from velocal.calibration.dialects import Dialect
     from velocal.calibration.files.document import CalibrationFile
+    from velocal.scanner.models import Scanner
 
 NAMES = ", ".join(DIALECTS)
 #: Headings in the terminal.
@@ -115,6 +106,7 @@ def lint(
     The exit code is 1 if there are any.
     """
     from velocal.calibration.lint import lint as find_faults
+    from velocal.scanner.models import scanner_named
 
     known = scanner_named(scanner, where="--scanner") if scanner else None
     faults = 0
@@ -171,6 +163,8 @@ def convert_file(
     given. A dialect of the same name on both sides keeps all numbers.
     """
     from velocal import __version__
+    from velocal.calibration.convert import convert, differences, near_points_differ
+    from velocal.calibration.dialects import dialect_named
     from velocal.calibration.files import formats
 
     check_outputs([target], [source], overwrite=force)
@@ -249,6 +243,8 @@ def diff(
     The same file may be given twice, with different programs: the distances are then what the
     choice of the program costs. Without dialects, the numbers mean what the files say they mean.
     """
+    from velocal.calibration.convert import max_point_distance
+
     at = _ranges(ranges)
     drawn = [] if picture is None else [picture.with_suffix(".svg"), picture.with_suffix(".png")]
     check_outputs([*drawn, *([csv] if csv else [])], [first, second], overwrite=force)
@@ -308,6 +304,7 @@ def _print_differences(
 def _read(file: Path, scanner: str | None) -> CalibrationFile:
     from velocal.calibration.files import formats
     from velocal.calibration.fit import check_fit
+    from velocal.scanner.models import scanner_named
 
     if scanner is None:
         return formats.read_calibration(file)
@@ -319,6 +316,9 @@ def _read(file: Path, scanner: str | None) -> CalibrationFile:
 
 def _turned(before: Dialect, after: Dialect, scanner: Scanner) -> bool:
     """Whether the numbers of a program hold at one rotation rate, stated or that of the source."""
+    from velocal.calibration.convert import depends_on_rate
+    from velocal.calibration.dialects import PAPER
+
     if before == after:
         return depends_on_rate(PAPER, after, scanner)
     return depends_on_rate(before, after, scanner) and depends_on_rate(PAPER, after, scanner)
@@ -331,6 +331,7 @@ def _listed(found: CalibrationFile) -> str:
 
 
 def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) -> Dialect:
+    from velocal.calibration.dialects import dialect_named
     from velocal.calibration.files import formats
 
     return dialect_named(named, where=where) if named else formats.dialect_of(found, file)
@@ -338,6 +339,7 @@ def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) 
 
 def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
     from velocal.calibration.fit import fitting
+    from velocal.scanner.models import SCANNERS
 
     name = named or found.scanner
     return SCANNERS.get(name) if name else next(fitting(found.parameters.v), None)
@@ -357,6 +359,8 @@ def _ranges(text: str) -> tuple[float, ...]:
 
 def _shown(found: CalibrationFile) -> dict[str, Any]:
     """Columns in the units of users, deviations beside their parameter."""
+    from velocal.scanner.parameters import UNITS
+
     units = {"m": ("cm", 100.0), "rad": ("deg", 180.0 / math.pi)}
     columns: dict[str, Any] = {}
     for name, unit in UNITS.items():

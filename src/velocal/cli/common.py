@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich import markup
 from rich.console import Console
-from rich.progress import Progress, TaskID
 
-from velocal.calibration.dialects import DIALECTS
+from velocal.cli.names import DIALECTS, SCANNERS
 from velocal.errors import visible
-from velocal.scanner.models import SCANNERS, scanner_named
 from velocal.study.windows import MAX_MISSING
 
 if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from rich.progress import Progress, TaskID
+
     from velocal.recording.recording import Recording
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -112,6 +112,8 @@ def progress(what: str) -> Iterator[tuple[Progress, TaskID]]:
     task : TaskID
         To be updated by the caller.
     """
+    from rich.progress import Progress
+
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as bar:
         yield bar, bar.add_task(what, total=None)
 
@@ -134,6 +136,7 @@ def scanned(
     Parameters and errors are those of `open_recording` and of `Recording.scan`.
     """
     from velocal.recording.recording import open_recording
+    from velocal.scanner.models import scanner_named
 
     stated = None if scanner is None else scanner_named(scanner, where="--scanner")
     recording = open_recording(file, stated, port, address, max_missing)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from velocal.cli.common import say
+from velocal.cli.names import SCANNERS
 from velocal.errors import ConfigError
-from velocal.scanner.models import SCANNERS, Scanner, scanner_named
+
+if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
+    from velocal.scanner.models import Scanner
 
 #: Scanner of a study where none is named.
 SCANNER = "HDL-64E"
@@ -60,6 +63,7 @@ def init(
     With --example nothing has to be filled in: the folder contains simulated captures, their
     survey and a factory's file, and takes less than 5 MB.
     """
+    from velocal.scanner.models import scanner_named
     from velocal.study.template import CAPTURES, FACTORY, write_study
 
     if example:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from velocal.cli.common import Force, Json, escape, print_json, progress, say, tell
+from velocal.cli.names import SCANNERS
 from velocal.errors import ConfigError
-from velocal.scanner.models import SCANNERS
 
 if TYPE_CHECKING:
     from velocal.evaluation.plan_task import PlanTask

@@ -21,7 +21,7 @@ from velocal.cli.common import (
     scanned,
     tell,
 )
-from velocal.clouds.origin import Origin, digest
+from velocal.cli.names import SUFFIXES
 from velocal.errors import ConfigError
 from velocal.io.output import check_outputs
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:  # imported where it is used, so that the help appears at once
     from velocal.scanner.models import Scanner
     from velocal.scanner.parameters import LaserParameters
 
-#: Files of points that can be written, `velocal.points.files.FORMATS`.
-SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".parquet", ".mcap")
 #: Said where nominal values are used although every unit has a file of its own.
 NO_FILE = (
     "nominal values are used: every {} has a calibration of its own, without which points are "
@@ -93,9 +91,11 @@ def points(
     recording usually cuts the first and the last one.
     """
     from velocal.calibration.applied import applied
+    from velocal.clouds.origin import Origin, digest
     from velocal.packets.dual import check_choice
     from velocal.points.files import cloud_writer
-    from velocal.points.stream import FRAMES, Settings, raw_returns, stream
+    from velocal.points.placing import Settings
+    from velocal.points.stream import FRAMES, raw_returns, stream
 
     frame = frame or ("ros" if output.suffix.lower() == ".mcap" else "velocal")
     if frame not in FRAMES:

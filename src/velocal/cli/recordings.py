@@ -26,9 +26,9 @@ from velocal.cli.common import (
     scanned,
     tell,
 )
+from velocal.cli.names import SCANNERS
 from velocal.errors import ConfigError, RecordingError
 from velocal.io.output import check_outputs
-from velocal.scanner.models import SCANNERS
 from velocal.study.windows import MAX_MISSING
 
 if TYPE_CHECKING:  # imported where it is used, so that the help appears at once

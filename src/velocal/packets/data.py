@@ -114,11 +114,13 @@ def median_azimuth_step(azimuth: NDArray[np.uint16]) -> NDArray[np.int64]:
     ndarray of int64, shape (n,)
         0.01 degree; zero if all azimuths of a packet are equal.
     """
-    steps = np.mod(np.diff(azimuth.astype(np.int64), axis=1), AZIMUTH_TICKS)
+    # 32 bits are enough, and are sorted in half the time of 64.
+    steps = np.mod(np.diff(azimuth.astype(np.int32), axis=1), AZIMUTH_TICKS)
     steps.sort(axis=1)
     zeros = (steps == 0).sum(axis=1)
     middle = zeros + (steps.shape[1] - zeros) // 2
-    return np.take_along_axis(steps, np.minimum(middle, steps.shape[1] - 1)[:, None], 1)[:, 0]
+    found = np.take_along_axis(steps, np.minimum(middle, steps.shape[1] - 1)[:, None], 1)[:, 0]
+    return found.astype(np.int64)
 
 
 def encode(

@@ -95,6 +95,10 @@ def two_returns(flag: NDArray[np.uint16], azimuth: NDArray[np.uint16]) -> NDArra
     -------
     ndarray of bool, shape (n,)
     """
+    # The first three blocks tell of nearly every packet that it does not.
+    alike = (flag[:, 1:3] == flag[:, :1]) & (azimuth[:, 1:3] == azimuth[:, :1])
+    if not alike.any():
+        return np.zeros(len(flag), dtype=bool)
     both = flag.astype(np.uint32) << np.uint32(16) | azimuth
     # Where the head stands still, all blocks are alike and nothing can be told.
     pairs = (both[:, 0::2] == both[:, 1::2]).all(axis=1) & (both[:, 0] != both[:, 2])

@@ -77,7 +77,8 @@ def _text_headed(
             rows = np.empty(len(columns["x"]), dtype=row)
             for name in names:
                 rows[name] = columns[name]
-            file.write(rows.tobytes())
+            # The memory itself: a copy of it as bytes takes longer than writing them.
+            file.write(rows.view(np.uint8).data)
             points += len(rows)
 
         file.write(head(0))

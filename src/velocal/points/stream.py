@@ -1,24 +1,9 @@
-"""Points of a recording with one calibration, and how far another one would shift each point.
-
-Equations (1) to (3) at rotational angle 0 are linear in the raw distance,
-
-    p = tick P1 + P0      q = tick Q1 + Q0      Z = tick R1 + R0
-
-with constants of the laser, and the head turns (p, q) as a whole:
-
-    X = sin(phi) p - cos(phi) q      Y = cos(phi) p + sin(phi) q
-
-so that sines are looked up once for each firing, and the distance between the points of two
-calibrations does not depend on phi. Single precision: within a few hundredths of a millimetre at
-100 m.
-"""
+"""Points of a recording with one calibration, and how far another one would shift each point."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,21 +11,19 @@ from numpy.typing import NDArray
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.applied import applied
 from velocal.calibration.files.document import CalibrationFile
-from velocal.capture.source import ANY_SOURCE, SourceFilter
 from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, flags_and_azimuths, view
 from velocal.packets.dual import ONLY, check_choice, dual_packets
-from velocal.packets.firings import Firings, decode
+from velocal.packets.firings import decode
+from velocal.points.placing import Columns, Lasers, Settings, place
 from velocal.recording import timing
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
 from velocal.recording.returns import returns_of
 from velocal.recording.windows import read_rotations
-from velocal.scanner.beam import Beams, angle_from_ticks, distance_from_ticks
-from velocal.scanner.models import AZIMUTH_TICK_DEG, AZIMUTH_TICKS, Scanner
+from velocal.scanner.beam import Beams
+from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
-
-Columns = dict[str, NDArray[Any]]
 
 #: Packets that are placed together: their arrays stay in the processor's cache.
 PACKETS = 256
@@ -48,199 +31,6 @@ PACKETS = 256
 HOUR_S = 3600.0
 #: Y forward and X right, as everywhere here; X forward and Y left, as in ROS.
 FRAMES = ("velocal", "ros")
-
-_TURN = np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)
-_SINE, _COSINE = np.sin(_TURN).astype(np.float32), np.cos(_TURN).astype(np.float32)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is made of a recording.
-
-    Attributes
-    ----------
-    scanner : Scanner
-    parameters : CalibrationFile or LaserParameters
-        Calibration; a file is applied by its own dialect.
-    before : CalibrationFile, LaserParameters or None
-        Another calibration; gives the column ``shift``.
-    min_range_m, max_range_m : float
-        Limits of the calibrated distance.
-    frame : {"velocal", "ros"}
-        Y forward and X right, as everywhere here, or X forward and Y left.
-    returns : {"strongest", "last", "both"}
-        Which return, where a shot has two.
-    source : SourceFilter
-        Which of several scanners of the recording, as when it was inspected.
-    """
-
-    scanner: Scanner
-    parameters: CalibrationFile | LaserParameters
-    before: CalibrationFile | LaserParameters | None = None
-    min_range_m: float = -np.inf
-    max_range_m: float = np.inf
-    frame: str = "velocal"
-    returns: str = "strongest"
-    source: SourceFilter = ANY_SOURCE
-
-
-class _Lasers:
-    """Constants of the lasers, one row per firing of `lasers_per_firing` of them."""
-
-    def __init__(self, settings: Settings, rate_hz: float) -> None:
-        scanner = settings.scanner
-        self.width = scanner.lasers_per_firing
-        delay_s = scanner.azimuth_delay_s
-        tick_m, rotated = scanner.distance_tick_m, 2.0 * np.pi * rate_hz * delay_s
-        self.scanner = scanner
-        self.applied = applied(settings.parameters, scanner, rate_hz)
-        self.before = (
-            None if settings.before is None else applied(settings.before, scanner, rate_hz)
-        )
-        self.rate_rad_s = 2.0 * np.pi * rate_hz
-        slope, start = self._lines(self.applied.model, rotated, tick_m)
-        self.slope, self.start = self._rows(slope), self._rows(start)
-        self.delay_s = delay_s.reshape(-1, self.width)
-        self.differences: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
-        if self.before is not None:
-            slope_0, start_0 = self._lines(self.before.model, rotated, tick_m)
-            ways = zip(self._rows(slope - slope_0), self._rows(start - start_0), strict=True)
-            self.differences = list(ways)
-        dl = self.applied.model.dl
-        lowest = np.ceil((settings.min_range_m - dl) / scanner.distance_tick_m)
-        highest = np.floor((settings.max_range_m - dl) / scanner.distance_tick_m)
-        # 0 is no return.
-        self.lowest = np.maximum(lowest, 1.0).astype(np.float32).reshape(-1, self.width)
-        self.highest = highest.astype(np.float32).reshape(-1, self.width)
-
-    def _rows(self, constants: Array) -> NDArray[np.float32]:
-        return constants.astype(np.float32).reshape(3, -1, self.width)
-
-    @property
-    def has_near_points(self) -> bool:
-        """Whether a calibration has near-point corrections: points are not on lines then."""
-        calibrations = (self.applied, self.before)
-        return any(each is not None and each.has_near_points for each in calibrations)
-
-    def near_points(self, firings: Firings, used: NDArray[np.bool_]) -> tuple[Array, Array | None]:
-        """Points (n, 3) of the returns that are used, and their shifts (n,), by the formulas."""
-        laser = firings.laser_id()[used]
-        count = np.count_nonzero(used, axis=1)
-        start = np.repeat(firings.azimuth, count)
-        phi = angle_from_ticks(start, laser, self.scanner, self.rate_rad_s)
-        distance_m = distance_from_ticks(firings.distance[used], self.scanner.distance_tick_m)
-        xyz = self.applied.points(distance_m, phi, laser)
-        if self.before is None:
-            return xyz, None
-        moved = xyz - self.before.points(distance_m, phi, laser)
-        return xyz, np.asarray(np.sqrt((moved**2).sum(axis=1)))
-
-    @staticmethod
-    def _lines(parameters: LaserParameters, rotated: Array, tick_m: float) -> tuple[Array, Array]:
-        """P1, Q1, R1 and P0, Q0, R0 of every laser, each of shape (3, n)."""
-        alpha, v = parameters.alpha - rotated, parameters.v
-        sine, cosine = np.sin(alpha), np.cos(alpha)
-        along = np.stack([np.cos(v) * cosine, np.cos(v) * sine, np.sin(v)])
-        offset = np.stack([-parameters.hoff * sine, parameters.hoff * cosine, parameters.voff])
-        return tick_m * along, parameters.dl * along + offset
-
-    def coordinates(
-        self, ticks: NDArray[np.float32], bank: NDArray[np.intp]
-    ) -> list[NDArray[np.float32]]:
-        """p, q and Z of raw distances, shape (n, width)."""
-        return self._along(ticks, bank, zip(self.slope, self.start, strict=True))
-
-    def shift(self, ticks: NDArray[np.float32], bank: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Distance from the point with the calibration before, metres, shape (n, width)."""
-        x, y, z = self._along(ticks, bank, self.differences)
-        x *= x
-        y *= y
-        z *= z
-        x += y
-        x += z
-        return np.asarray(np.sqrt(x, out=x))
-
-    @staticmethod
-    def _along(
-        ticks: NDArray[np.float32],
-        bank: NDArray[np.intp],
-        lines: Iterable[tuple[NDArray[np.float32], NDArray[np.float32]]],
-    ) -> list[NDArray[np.float32]]:
-        along = []
-        for slope, start in lines:
-            # In place: fresh memory costs more than arithmetic.
-            values = slope.take(bank, axis=0)
-            values *= ticks
-            values += start.take(bank, axis=0)
-            along.append(values)
-        return along
-
-
-def place(
-    firings: Firings,
-    rotation: NDArray[np.int64],
-    time_s: Array,
-    lasers: _Lasers,
-    frame: str,
-) -> Columns:
-    """Compute the points of those returns of firings that are within the limits of range.
-
-    Parameters
-    ----------
-    firings : Firings
-        n firings.
-    rotation : ndarray of int, shape (n,)
-        Rotation of every firing; -1 for one that is left out.
-    time_s : ndarray, shape (n,)
-        When it began.
-    lasers : _Lasers
-        Constants of the lasers.
-    frame : {"velocal", "ros"}
-        Frame of the coordinates.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (m,)
-        Columns as `stream` gives them.
-    """
-    bank = (firings.first_laser // 32).astype(np.intp)
-    ticks = firings.distance.astype(np.float32)
-    used = (ticks >= lasers.lowest.take(bank, axis=0)) & (
-        ticks <= lasers.highest.take(bank, axis=0)
-    )
-    used &= (rotation >= 0)[:, None]
-    # A firing's values are repeated as often as it has points: half the time of any index.
-    count = np.count_nonzero(used, axis=1)
-    shift: NDArray[Any] | None = None
-    if lasers.has_near_points:
-        xyz, shift = lasers.near_points(firings, used)
-        right, forward, up = xyz.astype(np.float32).T
-    else:
-        p, q, z = lasers.coordinates(ticks, bank)
-        sine, cosine = _SINE[firings.azimuth][:, None], _COSINE[firings.azimuth][:, None]
-        across = sine * p
-        across -= cosine * q
-        p *= cosine
-        q *= sine
-        p += q
-        right, forward, up = across[used], p[used], z[used]
-        if lasers.differences:
-            shift = lasers.shift(ticks, bank)[used]
-    x, y = (right, forward) if frame == "velocal" else (forward, np.negative(right))
-    columns: Columns = {
-        "x": x,
-        "y": y,
-        "z": up,
-        "intensity": firings.intensity[used],
-        "laser_id": firings.laser_id()[used],
-        "rotation": np.repeat(rotation.astype(np.uint32), count),
-        "time": np.repeat(time_s, count),
-    }
-    if lasers.delay_s.any():
-        columns["time"] += lasers.delay_s.take(bank, axis=0)[used]
-    if shift is not None:
-        columns["shift"] = shift.astype(np.float32)
-    return columns
 
 
 class _Clock:
@@ -340,7 +130,7 @@ def stream(
         Packets that they come from.
     """
     scanner = settings.scanner
-    lasers = _Lasers(settings, inspection.index.rate_for(scanner, rotations))
+    lasers = Lasers(settings, inspection.index.rate_for(scanner, rotations))
     clock = _Clock(inspection, scanner)
     index, source = inspection.index, settings.source
     for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):

@@ -27,7 +27,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup results paper coverage seeds pages field test bench fuzz lint nist crate site lock clean
+.PHONY: help setup results paper coverage seeds pages field test lowest bench fuzz lint nist crate site lock clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
@@ -66,6 +66,15 @@ test: lint ## run all checks, then all tests
 	@$(MAKE) --no-print-directory nist 2>/dev/null || \
 	    echo "no reference data of NIST: the tests that need them are skipped. Hint: make nist says why"
 	$(RUN) pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# Nothing of .venv is used but its folder. Other packages that these need are the newest ones.
+LOWEST := $(VENV)/lowest
+lowest: ## run the quick tests with the lowest versions that pyproject.toml allows (needs uv)
+	@command -v $(UV) >/dev/null || { \
+	    echo "error: no '$(UV)' found. Hint: pip install uv, or name one: make lowest UV=path/to/uv" >&2; exit 1; }
+	$(UV) venv --quiet --clear --python $(PYTHON) $(LOWEST)
+	$(UV) pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	$(LOWEST)/bin/python -m pytest -n $(CORES) -m "not slow and not workflow" tests/unit
 
 # With atheris (pip install -e '.[fuzz]') guided by coverage; ARGS="pcap --seconds 600" or ARGS="--cases 1000000".
 fuzz: $(INSTALLED) ## try the readers of files with damaged ones, a minute each: tests/fuzz

@@ -65,10 +65,17 @@ def _rms(values: Array | list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def correction_at(parameters: LaserParameters, range_m: float) -> Array:
-    """Distance correction that a file gives at a raw distance, mean of all azimuths, by laser."""
+def correction_at(parameters: LaserParameters, raw_m: Array) -> Array:
+    """Distance correction that a file gives at raw distances, mean of all azimuths, by laser.
+
+    Parameters
+    ----------
+    parameters : LaserParameters
+    raw_m : ndarray, shape (lasers,)
+        One for every laser.
+    """
     laser, phi = _turn(len(parameters))
-    raw, zero = np.full(len(phi), range_m), np.zeros(len(parameters))
+    raw, zero = raw_m[laser], np.zeros(len(parameters))
     direction, _ = laser_beams(phi, laser, parameters)
     with_it = dialect_of(parameters).points(raw, phi, laser, parameters)
     without = DIALECTS["paper"].points(raw, phi, laser, replace(parameters, dl=zero))
@@ -111,8 +118,10 @@ def judged(trial: Trial, found: Found) -> dict[str, float]:
         ``along_{range}_cm``: error of points.
     """
     row: dict[str, float] = {}
+    # What the scanner measures at that range: an HDL-64E adds more than 1 m to its raw distances.
+    wanted = trial.correction(DL_AT_M, slice(None))
     error = {
-        "dl": correction_at(found.parameters, DL_AT_M) - trial.correction(DL_AT_M, slice(None)),
+        "dl": correction_at(found.parameters, DL_AT_M - wanted) - wanted,
         "alpha": found.parameters.alpha - trial.true.alpha,
         "v": found.parameters.v - trial.true.v,
     }

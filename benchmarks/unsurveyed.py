@@ -1,9 +1,11 @@
 """Calibrations without a survey where the truth is known: errors, coverage, rooms, range scale.
 
 Usage: python benchmarks/unsurveyed.py [--draws N] [--seed S] [--tables NAME ...] [--cases NAME ...]
-[--scanners NAME ...] [--write]
+[--scanners NAME ...] [--out FOLDER] [--resume] [--write]
 
-`--cases` is for the table `unsurveyed`, `--scanners` for the two others.
+`--cases` is for the table `unsurveyed`, `--scanners` for the two others. The draws of the table
+`unsurveyed` are collected in FOLDER/draws.csv. With `--resume` those that are there are not made
+again, so that a run that was stopped can be continued.
 
 Rooms, units and noise are those of the independent world (`velocal.simulation.independent`), whose
 medians are used without its survey. Every plane is fitted to the points that the factory's
@@ -11,12 +13,14 @@ parameters give. `--write` writes the tables into docs/field.md.
 """
 
 import argparse
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.special import stdtrit
 
 from velocal.adjustment.observations import Observations
@@ -329,10 +333,15 @@ def main() -> None:
     parser.add_argument("--tables", nargs="*", default=TABLES, choices=TABLES)
     parser.add_argument("--scanners", nargs="*", default=list(EVERY), choices=list(EVERY))
     parser.add_argument("--cases", nargs="*", default=list(CASES))
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/unsurveyed"))
+    parser.add_argument("--resume", action="store_true", help="leave out what is done already")
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
     tables: dict[str, Callable[[], str]] = {
-        "unsurveyed": lambda: main_table(given.cases, given.draws, given.seed),
+        "unsurveyed": lambda: main_table(
+            given.cases, given.draws, given.seed, given.out / "draws.csv", given.resume
+        ),
         "unsurveyed_rooms": lambda: rooms_table(given.scanners, given.draws, given.seed),
         "unsurveyed_scale": lambda: scale_table(given.scanners, given.draws, given.seed),
     }
@@ -342,11 +351,21 @@ def main() -> None:
             DOC.write_text(inserted(DOC.read_text("utf-8"), name, table), "utf-8")
 
 
-def main_table(cases: Sequence[str], draws: int, seed: int) -> str:
-    """Errors, coverage and thickness of planes of every case."""
+def main_table(cases: Sequence[str], draws: int, seed: int, file: Path, resume: bool) -> str:
+    """Errors, coverage and thickness of planes of every case; rows of draws are kept in a file."""
+    known = pd.read_csv(file) if resume and file.exists() else pd.DataFrame(columns=["case"])
+    rows = known.to_dict("records")
+    done = {(row["case"], row["seed"]) for row in rows}
+    # One draw of every case after the other, so that a run that is stopped has as many of each.
+    for each, name in itertools.product(range(seed, seed + draws), cases):
+        if (name, each) not in done:
+            rows.append({"case": name, "seed": each} | judged(CASES[name], each))
+            pd.DataFrame(rows).to_csv(file, index=False, float_format="%.6g")
+            print(f"{name}, seed {each}", flush=True)
     lines = []
     for name in cases:
-        lines.append(line(name, [judged(CASES[name], seed + number) for number in range(draws)]))
+        own = [row for row in rows if row["case"] == name and seed <= row["seed"] < seed + draws]
+        lines.append(line(name, own))
         print(" | ".join(lines[-1]), flush=True)
     return "\n".join(markdown_table(HEADING, lines, [False] + [True] * 9))
 

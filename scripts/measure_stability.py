@@ -1,15 +1,13 @@
 """Measure whether a unit without a survey measures the same distances at several times."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from velocal.adjustment.observations import Observations
 from velocal.calibration.files import formats
 from velocal.capture.source import SourceFilter
-from velocal.chain import points_of
+from velocal.chain import observe_again, points_of
 from velocal.evaluation import stability
 from velocal.evaluation.holdout import JudgedCalibration
 from velocal.evaluation.unsurveyed import Seen, unit_station_of, unsurveyed_settings
@@ -17,7 +15,6 @@ from velocal.io import schemas, storage
 from velocal.io.plain import from_plain
 from velocal.io.scripts import run
 from velocal.recording.windows import read_index, temperature_deg_c
-from velocal.reduction.medians import binned_medians
 from velocal.reporting.figures.stability import draw
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
@@ -64,40 +61,23 @@ def main(
         seen.append(Seen.of_members(name, whole, rows["row"], rows["plane"], planes["planes"]))
         if not seen[-1].planes:
             continue
-        ticks = facts["cell_ticks"]
-        azimuth_bin = (columns["azimuth"] // ticks).astype(np.int64)
-        bins = columns["laser_id"][rows["row"]], azimuth_bin[rows["row"]], rows["plane"]
-        normal = np.stack([plane.fit.plane.normal for plane in seen[-1].planes])
-        offset = np.array([plane.fit.plane.offset for plane in seen[-1].planes])
-        index = read_index(index_file)
+        bins = stability.BinsOnPlanes.of(
+            columns,
+            rows["row"],
+            rows["plane"],
+            seen[-1].planes,
+            ticks=facts["cell_ticks"],
+            min_count=facts["min_count"],
+        )
+        index, rate_hz = read_index(index_file), facts["rotation_rate_hz"]
         shots, _ = storage.read_table(
             raw, schemas.RETURNS, ["rotation", "azimuth", "laser_id", "distance"]
         )
         windows, when = [], []
         for number, own in enumerate(stability.parts_in_time(np.flatnonzero(index.complete))):
             chosen = np.isin(shots["rotation"], own)
-            reduced = asdict(
-                binned_medians(
-                    *(shots[column][chosen] for column in ("azimuth", "laser_id", "distance")),
-                    lasers_per_firing=known.lasers_per_firing,
-                    bin_ticks=ticks,
-                    min_count=facts["min_count"],
-                )
-            )
-            part = reduced["laser_id"], (reduced["azimuth"] // ticks).astype(np.int64)
-            used, plane = stability.rows_on_planes(bins, part)
-            beams = Beams.from_ticks(reduced, known, facts["rotation_rate_hz"])
-            cloud = points_of(beams, factory, joint.near_points)
-            windows.append(
-                Observations(
-                    cloud.distance_m[used],
-                    cloud.phi[used],
-                    cloud.laser_id[used],
-                    normal[plane],
-                    offset[plane],
-                    plane,
-                )
-            )
+            part = {column: values[chosen] for column, values in shots.items()}
+            windows.append(observe_again(part, rate_hz, bins, known, factory, joint.near_points))
             when.append((name, str(number + 1), temperature_deg_c(recording, index, own, source)))
         within = stability.between_windows(windows, found.calibration.adjusted)
         if within is not None:

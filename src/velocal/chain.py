@@ -6,10 +6,12 @@ study call them too, so that there is one chain only.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.observations import Observations
@@ -21,7 +23,6 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
-from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Cloud, Search
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
 from velocal.evaluation.unsurveyed import (
@@ -32,12 +33,16 @@ from velocal.evaluation.unsurveyed import (
     unsurveyed_settings,
 )
 from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
+from velocal.reduction.medians import binned_medians
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.study.adjustment import Adjustment
 from velocal.study.planes import PlaneSearch
 from velocal.survey.station import Station
+
+if TYPE_CHECKING:
+    from velocal.evaluation.stability import BinsOnPlanes
 
 
 def observe(
@@ -274,6 +279,53 @@ def points_of(beams: Beams, factory: LaserParameters, near_points: bool = True) 
     return Cloud.from_beams(beams, factory)
 
 
+def observe_again(
+    returns: Mapping[str, NDArray[Any]],
+    rate_hz: float,
+    bins: BinsOnPlanes,
+    scanner: Scanner,
+    factory: LaserParameters,
+    near_points: bool = True,
+) -> Observations:
+    """Reduce a part of a recording, in bins that lie on planes of the whole recording.
+
+    Parameters
+    ----------
+    returns : mapping of str to ndarray
+        Columns ``azimuth``, ``laser_id`` and ``distance`` of `schemas.RETURNS`, of the part.
+    rate_hz : float
+        Rotations in a second.
+    bins : BinsOnPlanes
+        Of the whole recording.
+    scanner : Scanner
+    factory : LaserParameters
+    near_points : bool
+        As in `points_of`.
+
+    Returns
+    -------
+    Observations
+        Planes have the numbers that they have in `bins`.
+    """
+    reduced = binned_medians(
+        *(returns[column] for column in ("azimuth", "laser_id", "distance")),
+        lasers_per_firing=scanner.lasers_per_firing,
+        bin_ticks=bins.ticks,
+        min_count=bins.min_count,
+    )
+    medians = asdict(reduced)
+    rows, plane = bins.rows_of(medians)
+    cloud = points_of(Beams.from_ticks(medians, scanner, rate_hz), factory, near_points)
+    return Observations(
+        cloud.distance_m[rows],
+        cloud.phi[rows],
+        cloud.laser_id[rows],
+        bins.normal[plane],
+        bins.offset[plane],
+        plane,
+    )
+
+
 def calibrate_on_planes(
     recordings: Sequence[Seen],
     scanner: str | Scanner,
@@ -360,6 +412,8 @@ def calibrate_without_survey(
     """
     known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     parameters = nominal(known) if factory is None else factory
+    from velocal.evaluation.plane_search import find_planes  # here: scipy.spatial is slow to import
+
     how = Search.from_config(search or PlaneSearch.recommended())
     seen = []
     for number, beams in enumerate(recordings):

@@ -1,6 +1,7 @@
 """The bench that compares methods where the truth is known: what is run again, and its verdicts."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,3 +69,33 @@ def test_table_of_surveys_has_a_row_for_each_and_the_factory(bench):
     ]
     # Six targets on a circle of 0.1 m, 1 and 0.7 mm.
     assert lines[3].split("|")[2].strip() == "0.29"
+
+
+def test_dl_is_judged_at_one_range_also_where_it_depends_on_the_range(bench):
+    """A scanner with a dl of 1 m measures a raw distance of 2 m at a range of 3 m.
+
+    The true values miss the true correction by no more than the form of their file: it takes the
+    correction of X at the range of X, which is shorter than the beam.
+    """
+    import calibration_judge
+    from calibration_methods import truth
+
+    from velocal.simulation.independent.plan import Plan, UnitErrors
+    from velocal.simulation.independent.shots import FAR_M
+    from velocal.simulation.independent.trial import NEAR_M, draw
+
+    trial = draw(Plan(every=40, windows=1, unit=UnitErrors(two_point_cm=2.0)), 1)
+    slope = np.full(len(trial.slope), 0.001)
+    near = {
+        name: trial.true.dl + slope * (at - FAR_M)
+        for name, at in zip(calibration_judge.NEAR_POINT, NEAR_M, strict=True)
+    }
+    true = replace(trial.true, carried={**trial.true.carried, **near})
+    trial = replace(trial, true=true, slope=slope)
+    found = calibration_judge.judged(trial, truth(trial))["dl_mean"] * 1e-2
+    azimuth, v = np.arange(0.0, 2.0 * np.pi, 0.01), true.v[:, None]
+    x, y = (np.cos(v) * abs(turn(azimuth - true.alpha[:, None])) for turn in (np.sin, np.cos))
+    # It takes the length with the correction of the far point.
+    at_m = 3.0 + slope[0] * (FAR_M - 3.0)
+    shorter = at_m * (x**3 + (np.sin(v) ** 2 + y**2) * y) - 3.0
+    assert found == pytest.approx(slope[0] * shorter.mean(), rel=0.005)

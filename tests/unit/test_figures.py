@@ -10,6 +10,7 @@ from support.results import statistics
 
 from velocal.errors import VelocalError
 from velocal.io import schemas, storage
+from velocal.reporting.captions import caption
 from velocal.reporting.figures import histogram, per_laser
 from velocal.study.figures import HistogramFigure, LaserFigure
 
@@ -262,3 +263,17 @@ def test_histogram_draws_all_residuals_unless_some_are_far_away():
     edge = found["to_cm"].iloc[-2]
     assert titles(found)[0].endswith(f"1 of them with |s| > {edge:g} cm not drawn")
     assert titles(found)[1] == "after (adjusted): 1000 medians"
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "said"),
+    [
+        ("window", "", "After: the parameters adjusted on each window itself."),
+        ("unit", "all", "After: parameter set all, the calibration of the unit as a whole."),
+        ("set", "set3", "After: parameter set set3, that of least mean standard deviation"),
+    ],
+)
+def test_caption_says_what_after_is(role, name, said):
+    rows = [("before", "factory", ""), ("after", role, name)]
+    found = pd.DataFrame(rows, columns=["calibration", "role", "parameter_set"])
+    assert said in caption(selection(data="calibration"), found)

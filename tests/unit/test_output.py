@@ -44,9 +44,9 @@ def medians():
 
 
 def write_points(path):
-    columns = {name: np.arange(ROWS) % 99 for name in fields(shift=True)}
+    columns = {name: np.arange(ROWS) % 16 for name in fields(shift=True)}
     kinds = {field.name: field.type.to_pandas_dtype() for field in schemas.POINTS}
-    with cloud_writer(path, shift=True, facts={}) as write:
+    with cloud_writer(path, shift=True, facts={"scanner": "VLP-16"}) as write:
         write({name: values.astype(kinds[name]) for name, values in columns.items()})
 
 

@@ -5,13 +5,12 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from support.blocks import PAGES
 
 from velocal.errors import VelocalError
 from velocal.io import markup
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += [ROOT / "config/README.md", ROOT / "results/README.md"]
 TEXTS = [
     path
     for pattern in ("src/**/*", "scripts/*.py", "workflow/**/*", "config/*.yaml", "Makefile")

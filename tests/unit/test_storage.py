@@ -1,14 +1,19 @@
 """Files of our own: whole or absent, the same bytes for the same content, never mistaken."""
 
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from typing_extensions import TypeAliasType
 
 from velocal.errors import StorageError
 from velocal.io import schemas, storage
 from velocal.io.output import new_file
+from velocal.io.plain import from_plain, to_plain
 
 
 def medians(n: int = 1000) -> dict[str, np.ndarray]:
@@ -219,3 +224,26 @@ def test_missing_columns_of_the_right_kind(tmp_path):
     pq.write_table(table.drop_columns(["count"]), path)
     with pytest.raises(StorageError, match=r"has the columns .*allowed: .*count"):
         storage.read_table(path, schemas.MEDIANS)
+
+
+_Number = TypeVar("_Number")
+#: As numpy 2.5 defines NDArray on Python 3.12 and newer.
+_Alias = TypeAliasType(
+    "_Alias", np.ndarray[tuple[Any, ...], np.dtype[_Number]], type_params=(_Number,)
+)
+
+
+@dataclass(frozen=True)
+class Held:
+    """An array whose type is an alias."""
+
+    values: _Alias[np.float64]
+    counts: _Alias[np.int64] | None
+
+
+@pytest.mark.parametrize("counts", [None, np.array([1, 2])])
+def test_arrays_of_an_alias_come_back(counts):
+    content = to_plain(Held(np.array([1.5, np.nan]), counts))
+    again = from_plain(Held, content, "x.json")
+    np.testing.assert_array_equal(again.values, [1.5, np.nan])
+    assert counts is None or again.counts.dtype == np.int64

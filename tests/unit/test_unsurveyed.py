@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.errors import VelocalError
 from velocal.evaluation.another_plane import with_another_plane, with_another_room
 from velocal.evaluation.holdout import Verdict
@@ -45,13 +46,14 @@ def errors():
     return found - found.mean()
 
 
-def cloud_of(errors, wave_m=0.0):
+def cloud_of(errors, wave_m=0.0, v=0.0):
     """Four walls as a unit with errors sees them, with nominal values; rows of every wall.
 
-    The walls have waves of 1.5 m with this standard deviation.
+    The walls have waves of 1.5 m with this standard deviation. `v` has errors of the vertical
+    angles.
     """
     rng = np.random.default_rng(5)
-    true = NOMINAL.corrected({"dl": errors})
+    true = NOMINAL.corrected({"dl": errors, "v": v + np.zeros(len(NOMINAL))})
     parts, rows, used = [], {}, 0
     for name, (middle, distance) in WALLS.items():
         phi = np.deg2rad(middle + np.arange(-30.0, 30.0, 0.5)) % (2.0 * np.pi)
@@ -71,8 +73,8 @@ def cloud_of(errors, wave_m=0.0):
     return Cloud.from_beams(Beams(raw, phi, laser, SCANNER.distance_tick_m), NOMINAL), rows
 
 
-def seen_of(errors, name="room", wave_m=0.0):
-    cloud, rows = cloud_of(errors, wave_m)
+def seen_of(errors, name="room", wave_m=0.0, v=0.0):
+    cloud, rows = cloud_of(errors, wave_m, v)
     planes = tuple(fit_robustly(name, cloud, own, LIMITS) for name, own in rows.items())
     return Seen(name, cloud, planes)
 
@@ -102,6 +104,25 @@ def test_distances_are_found_without_a_survey(errors):
     np.testing.assert_allclose(found.corrections[:, 1:], 0.0, atol=1e-5)
     assert (found.std[:, 1:] > np.deg2rad(0.005)).all()
     np.testing.assert_allclose(sum(found.sources.values()), found.covariance, atol=1e-12)
+
+
+def test_the_covariance_contains_what_an_angle_that_is_not_adjusted_does_to_distances(errors):
+    """v of one laser is wrong: its distance is, as the covariance of both says."""
+    laser, wrong = 13, np.deg2rad(0.3)
+    v = wrong * (np.arange(len(NOMINAL)) == laser)
+    right, off = (adjust_unsurveyed([seen_of(errors, v=each)], SETTINGS) for each in (0.0, v))
+    assert not off.calibration.corrections[:, 2].round(6).any()
+    moved = (off.calibration.corrections - right.calibration.corrections)[laser, 0]
+    covariance = right.calibration.covariance[laser]
+    # The error of v is minus its true value, as the estimate stays at zero.
+    assert abs(moved) > 1e-3
+    assert covariance[0, 2] / covariance[2, 2] == pytest.approx(-moved / wrong, rel=0.2)
+    # What is said of the mean does not take v of all lasers to be equal.
+    free = adjust_unit([unit_station_of(seen_of(errors, v=v))], NOMINAL, SETTINGS)
+    stated, expected = ({one.name: one for one in unit.common}["v"] for unit in (off, free))
+    assert stated.by_survey == expected.by_survey
+    assert stated.by_survey_std == expected.by_survey_std
+    assert stated.value == pytest.approx(0.0, abs=1e-6)
 
 
 def test_what_all_lasers_share_is_hardly_seen_and_left(errors):

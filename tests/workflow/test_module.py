@@ -1,11 +1,16 @@
-"""The workflow as a module of another one, from a git repository, as snakedeploy writes it."""
+"""The workflow in other surroundings: as a module of another one, and with a storage plugin.
 
+The module comes from a git repository, as snakedeploy writes it.
+"""
+
+import json
+import os
 import re
 import shutil
 import subprocess
 
 import pytest
-from support.running import copy_project, snakemake
+from support.running import ROOT, copy_project, snakemake
 
 from velocal.simulation.example import write_example
 
@@ -55,3 +60,29 @@ def test_it_runs(study):
     done = snakemake(study, "--cores", "1", "results/survey/P5.json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert (study / "results/survey/P5.json").stat().st_size > 0
+
+
+def test_environments_by_conda_are_refused(study):
+    done = snakemake(study, "--cores", "1", "--dry-run", "--software-deployment-method", "conda")
+    assert done.returncode == 1
+    said = done.stdout + done.stderr
+    assert "Hint: Make the environment yourself, as environment.yml says" in said
+
+
+def test_a_recording_behind_a_storage_plugin(tmp_path, monkeypatch):
+    """Its address stands in the sample table; it is fetched for the jobs that read it."""
+    study = tmp_path / "study"
+    write_example(study)
+    shutil.move(study / "captures", tmp_path / "box")
+    table = study / "samples.tsv"
+    table.write_text(table.read_text().replace("captures/", "box://"))
+    monkeypatch.setenv("BOX", str(tmp_path / "box"))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "src"), prepend=os.pathsep)
+    ledger = "results/recordings/monday/ledger.json"
+    refused = snakemake(study, "--cores", "1", ledger)
+    assert "No storage provider found for query box://monday.pcap.gz" in refused.stderr
+    plugin = str(ROOT / "tests/support/storage")
+    monkeypatch.setenv("PYTHONPATH", plugin, prepend=os.pathsep)
+    done = snakemake(study, "--cores", "1", ledger)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads((study / ledger).read_text())["file"] == "monday.pcap.gz"

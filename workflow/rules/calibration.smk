@@ -126,7 +126,7 @@ rule adjust_unit:
 rule write_certificate:
     input:
         units=expand(f"{RESULTS}/calibrations/{{name}}.json", name=CALIBRATIONS),
-        recordings=[STUDY.samples[sample].recording for sample in CERTIFIED],
+        recordings=recordings_of(CERTIFIED),
         ledgers=expand(f"{RESULTS}/recordings/{{sample}}/ledger.json", sample=CERTIFIED),
         surveys=at_positions(f"{RESULTS}/survey/{{position}}.json", CERTIFIED),
         factory_files=sorted(

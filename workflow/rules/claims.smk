@@ -38,7 +38,7 @@ rule measure_drift:
             f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", SURVEYED
         ),
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
-        recordings=[STUDY.samples[name].recording for name in SURVEYED],
+        recordings=recordings_of(SURVEYED),
         rotations=expand(
             f"{RESULTS}/recordings/{{sample}}/rotations.parquet", sample=SURVEYED
         ),

@@ -10,7 +10,7 @@
 
 rule read_cloud:
     input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+        recording=lambda wildcards: recording_of(sample_of(wildcards)),
         calibration=calibration_file,
     output:
         ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",

@@ -5,6 +5,7 @@
 import os
 from pathlib import Path
 
+from snakemake.settings.types import DeploymentMethod
 from velocal.errors import VelocalError, visible
 from velocal.io import run_lock
 from velocal.scanner.models import SCANNERS
@@ -19,6 +20,12 @@ from velocal.survey.files import check_survey
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 RULES = workflow.current_basedir
 CONFIG_NAME = ", ".join(map(str, workflow.configfiles)) or "configuration"
+
+if DeploymentMethod.CONDA in workflow.deployment_settings.deployment_method:
+    raise WorkflowError(
+        "Snakemake cannot make the environment of a job by conda: no channel of conda has velocal.\n"
+        "Hint: Make the environment yourself, as environment.yml says, and leave the option out."
+    )
 
 try:
     STUDY = read_study(config, CONFIG_NAME)
@@ -83,6 +90,15 @@ def table_files(*suffixes):
 
 def sample_of(wildcards):
     return STUDY.samples[wildcards.sample]
+
+
+def recording_of(sample):
+    """Recording of a sample, as input; what a storage plugin has is fetched when a job needs it."""
+    return sample.recording if not sample.is_remote else storage(sample.recording)
+
+
+def recordings_of(samples):
+    return [recording_of(STUDY.samples[name]) for name in samples]
 
 
 def outdoor_sample(wildcards):

@@ -124,9 +124,7 @@ rule measure_stability:
             f"{RESULTS}/field/{{sample}}/planes.parquet",
             sample=samples_of_calibration(wildcards),
         ),
-        recordings=lambda wildcards: [
-            STUDY.samples[name].recording for name in samples_of_calibration(wildcards)
-        ],
+        recordings=lambda wildcards: recordings_of(samples_of_calibration(wildcards)),
         rotations=lambda wildcards: expand(
             f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
             sample=samples_of_calibration(wildcards),

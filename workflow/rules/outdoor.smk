@@ -59,7 +59,7 @@ if WORLD:
 
 rule measure_panels:
     input:
-        recording=[each.recording for each in STUDY.outdoor.values()],
+        recording=[recording_of(each) for each in STUDY.outdoor.values()],
         calibration=grouped(OF_OUTDOOR["calibration"]),
         sets=grouped(OF_OUTDOOR["sets"]),
     output:

@@ -21,7 +21,7 @@ EMBEDDED = [
 
 rule index_recording:
     input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+        recording=lambda wildcards: recording_of(sample_of(wildcards)),
     output:
         ledger=f"{RESULTS}/recordings/{{sample}}/ledger.json",
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
@@ -52,7 +52,7 @@ use rule index_recording as index_recording_with_calibration with:
 
 rule reduce_recording:
     input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+        recording=lambda wildcards: recording_of(sample_of(wildcards)),
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
     output:
         returns=of_windows(f"{RESULTS}/returns/{{sample}}/{{window}}.parquet"),

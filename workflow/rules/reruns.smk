@@ -7,6 +7,7 @@
 import atexit
 import functools
 
+from snakemake.common import NOTHING_TO_BE_DONE_MSG
 from snakemake.iocontainers import Wildcards
 from velocal.io.identity import WHOLE_BYTES, identify
 from velocal.io.provenance import library_digest
@@ -34,6 +35,16 @@ onstart:
 onsuccess:
     write_summary(Path(f"{RESULTS}/benchmarks"))
     atexit.register(print, "\n".join(last_words()))
+
+
+def also_with_nothing_to_do(record):
+    """Have the last lines printed after a run without jobs: Snakemake calls no handler then."""
+    if record.msg == NOTHING_TO_BE_DONE_MSG and not workflow.dryrun:
+        atexit.register(print, "\n".join(last_words()))
+    return True
+
+
+logger.addFilter(also_with_nothing_to_do)
 
 
 def complete(rules):

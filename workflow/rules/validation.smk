@@ -57,7 +57,7 @@ rule residuals_calibration:
 
 rule residuals_validation:
     input:
-        recording=lambda wildcards: sample_of(wildcards).recording,
+        recording=lambda wildcards: recording_of(sample_of(wildcards)),
         rotations=f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
         survey=lambda wildcards: f"{RESULTS}/survey/{sample_of(wildcards).position}.json",
         calibration=calibration_file,

@@ -128,23 +128,61 @@ def design(
         ds/d(scale) = l
     """
     theta = phi - parameters.alpha[laser_id]
-    # Sines and cosines of the few lasers first, then one for every return.
-    hoff = parameters.hoff[laser_id]
-    sine_v, cosine_v = np.sin(parameters.v)[laser_id], np.cos(parameters.v)[laser_id]
-    sine, cosine = np.sin(theta), np.cos(theta)
-    n_x, n_y, n_z = normal.T
-    along = n_x * sine + n_y * cosine  # n.e
-    across = n_y * sine - n_x * cosine  # n.q
-    inverse = 1.0 / (cosine_v * along + sine_v * n_z)  # 1 / G
-    # The same as in `misclosure`; n.o is formed from products that the derivatives need too.
-    to_plane = -(hoff * across + parameters.voff[laser_id] * n_z + offset) * inverse
-    s = scaled(distance_m, laser_id, scale) + parameters.dl[laser_id] - to_plane
-    # u_phi is -q cos v: the derivative of the direction by the rotational angle.
-    matrix = np.empty((len(ADJUSTABLE), len(phi)))
-    matrix[0] = 1.0
-    matrix[1] = (to_plane * across * cosine_v - hoff * along) * inverse
-    matrix[2] = to_plane * (cosine_v * n_z - sine_v * along) * inverse
-    matrix[3] = n_z * inverse
-    matrix[4] = across * inverse
-    matrix[5] = distance_m
-    return s, matrix.T
+    beams = Towards(np.sin(theta), np.cos(theta), laser_id, parameters, normal, offset)
+    return beams.misclosure(distance_m, scale), beams.derivatives(distance_m)
+
+
+class Towards:
+    """Beams and the planes that they hit: what `design` needs to know of them.
+
+    Attributes
+    ----------
+    to_plane : ndarray, shape (n,)
+        Range from the origin of each beam to its plane, metres.
+
+    Notes
+    -----
+    `sine` and `cosine` are those of the rotational angle minus alpha. The other parameters are
+    those of `design`.
+    """
+
+    def __init__(
+        self,
+        sine: Array,
+        cosine: Array,
+        laser_id: Lasers,
+        parameters: LaserParameters,
+        normal: Array,
+        offset: Array,
+    ) -> None:
+        self._laser_id, self._parameters = laser_id, parameters
+        # Sines and cosines of the few lasers first, then one for every return.
+        self._hoff = parameters.hoff[laser_id]
+        self._sine_v = np.sin(parameters.v)[laser_id]
+        self._cosine_v = np.cos(parameters.v)[laser_id]
+        n_x, n_y, self._n_z = normal.T
+        self._along = n_x * sine + n_y * cosine  # n.e
+        self._across = n_y * sine - n_x * cosine  # n.q
+        self._inverse = 1.0 / (self._cosine_v * self._along + self._sine_v * self._n_z)  # 1 / G
+        # The same as in `misclosure`; n.o is formed from products that the derivatives need too.
+        no = self._hoff * self._across + parameters.voff[laser_id] * self._n_z
+        self.to_plane = -(no + offset) * self._inverse
+
+    def misclosure(self, distance_m: Array, scale: Array | None = None) -> Array:
+        """Misclosure s, metres, shape (n,); see `design`."""
+        length = scaled(distance_m, self._laser_id, scale) + self._parameters.dl[self._laser_id]
+        return np.asarray(length - self.to_plane)
+
+    def derivatives(self, distance_m: Array) -> Array:
+        """Derivatives of the misclosure, shape (n, 6); see `design`."""
+        # u_phi is -q cos v: the derivative of the direction by the rotational angle.
+        matrix = np.empty((len(ADJUSTABLE), len(distance_m)))
+        matrix[0] = 1.0
+        by_phi = self.to_plane * self._across * self._cosine_v - self._hoff * self._along
+        np.multiply(by_phi, self._inverse, out=matrix[1])
+        turned = self._cosine_v * self._n_z - self._sine_v * self._along
+        matrix[2] = self.to_plane * turned * self._inverse
+        np.multiply(self._n_z, self._inverse, out=matrix[3])
+        np.multiply(self._across, self._inverse, out=matrix[4])
+        matrix[5] = distance_m
+        return matrix.T

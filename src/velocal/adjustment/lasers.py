@@ -9,7 +9,7 @@ import numpy as np
 
 from velocal.adjustment import nuisance, quality
 from velocal.adjustment.core import Block, gauss_newton
-from velocal.adjustment.functional import ADJUSTABLE, design, scaled, split
+from velocal.adjustment.functional import ADJUSTABLE, Towards, scaled, split
 from velocal.adjustment.linear import Step, System
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
@@ -60,6 +60,7 @@ class LaserProblem:
         ends = np.cumsum(sizes)
         self.rows = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
         self._own = [self.data.take(rows) for rows in self.rows]
+        self._turned = [(np.sin(own.phi), np.cos(own.phi)) for own in self._own]
         self._initial = [
             LaserParameters(*(getattr(initial, name)[[laser]] for name in PARAMETERS))
             for laser in range(len(initial))
@@ -70,11 +71,21 @@ class LaserProblem:
     def at(self, block: int, x: Array) -> System:
         """Linearise the model of one laser at corrections `x`, shape (u,)."""
         own = self._own[block]
-        parameters, scale = split(x[None], self.names, self._initial[block])
-        # The only laser of these parameters has number 0.
-        s, matrix = design(own.distance_m, own.phi, 0, parameters, own.normal, own.offset, scale)
+        beams, scale = self._towards(block, x)
+        matrix = beams.derivatives(own.distance_m)
         sigma = self.stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])
+        s = beams.misclosure(own.distance_m, scale)
         return System(matrix.T[self._columns].T, s, sigma, self.prior_std, x)
+
+    def _towards(self, block: int, x: Array) -> tuple[Towards, Array | None]:
+        """Beams of one laser at corrections `x`, and its range scale."""
+        own, (sine, cosine) = self._own[block], self._turned[block]
+        parameters, scale = split(x[None], self.names, self._initial[block])
+        # Addition theorems: sines of all angles once, not in every iteration.
+        sine_a, cosine_a = np.sin(parameters.alpha), np.cos(parameters.alpha)
+        of_sine, of_cosine = sine * cosine_a - cosine * sine_a, cosine * cosine_a + sine * sine_a
+        # The only laser of these parameters has number 0.
+        return Towards(of_sine, of_cosine, 0, parameters, own.normal, own.offset), scale
 
     def corrections(self, blocks: Sequence[int], states: Sequence[System]) -> list[Array]:
         """Solve the linearised systems of some lasers."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtr
 
 from velocal.adjustment.linear import Step
 from velocal.arrays import Array
@@ -187,5 +186,7 @@ def variance_factor_test(variance_factor: float, redundancy: int) -> float:
     """Two-sided p-value of H0: the variance factor is 1 (chi-square); NaN without redundancy."""
     if redundancy <= 0:
         return float("nan")
+    from scipy.special import chdtr  # here: many jobs import this module, few need it
+
     below = float(chdtr(redundancy, variance_factor * redundancy))
     return 2.0 * min(below, 1.0 - below)

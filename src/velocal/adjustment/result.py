@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from velocal.adjustment.functional import ADJUSTABLE, ADJUSTABLE_UNITS, split
 from velocal.arrays import Array
@@ -155,6 +154,8 @@ class Adjustment(LaserQuality):
         level : float
             Probability that an interval covers the truth.
         """
+        from scipy.special import stdtrit  # here: many jobs import this module, few need it
+
         noise = np.diag(self.parts["noise"])
         total = np.diag(self.covariance)
         with np.errstate(invalid="ignore", divide="ignore"):

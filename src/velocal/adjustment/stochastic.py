@@ -74,7 +74,7 @@ class Stochastic:
         Raises
         ------
         VelocalError
-            If there is none for one of them.
+            If one of the parameters has no prior standard deviation.
         """
         if missing := [name for name in names if name not in self.prior_std]:
             raise VelocalError(

@@ -10,7 +10,7 @@ import sqlite3
 import stat
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from velocal.errors import RecordingError
 from velocal.packets.data import PAYLOAD_BYTES
 
 _SUFFIXES = (".db3", ".mcap")
+_BY_TOPIC = "Choose one by its topic, as --address or, in a study, as `address`."
 _MAGIC = (b"#ROSBAG V", ros2_db3.MAGIC, mcap.MAGIC)
 _MAGIC_BYTES = max(map(len, _MAGIC))
 #: First bytes of a message that the bag has compressed by itself.
@@ -148,21 +149,56 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
             where=str(path),
             hint=_REINDEX if damage else hint,
         )
-    if port or (address and address not in scans):
+    if port:
+        raise _no_such_topic(path, scans, f"holds no messages {meant}")
+    several = f"holds data of {len(scans)} scanners"
+    return one_topic(path, scans, address, f"holds no messages {meant}", several)
+
+
+def one_topic(
+    path: Path, found: Mapping[str, int], topic: str | None, missing: str, several: str
+) -> str:
+    """Topic that is asked for, or the only one.
+
+    Parameters
+    ----------
+    path : Path
+        File, or folder of a ROS 2 bag.
+    found : mapping of str to int
+        Number of messages by topic.
+    topic : str or None
+        Topic that is asked for; None if there can be only one.
+    missing, several : str
+        What is wrong where that topic is not found, and where several could be meant.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    RecordingError
+        In these two cases.
+    """
+    if topic and topic not in found:
+        raise _no_such_topic(path, found, missing)
+    if topic is None and len(found) > 1:
         raise RecordingError(
-            f"holds no messages {meant}",
+            several,
             where=str(path),
-            allowed=listed(scans, "messages"),
-            hint="In a bag a scanner is chosen by its topic, as --address.",
+            allowed=listed(found, "messages"),
+            hint=_BY_TOPIC,
         )
-    if address is None and len(scans) > 1:
-        raise RecordingError(
-            f"holds data of {len(scans)} scanners",
-            where=str(path),
-            allowed=listed(scans, "messages"),
-            hint="Choose one by its topic, as --address.",
-        )
-    return address or next(iter(scans))
+    return topic or next(iter(found))
+
+
+def _no_such_topic(path: Path, found: Mapping[str, int], missing: str) -> RecordingError:
+    return RecordingError(
+        missing,
+        where=str(path),
+        allowed=listed(found, "messages"),
+        hint=_BY_TOPIC,
+    )
 
 
 def messages(path: Path) -> Iterator[Message | Unusable]:

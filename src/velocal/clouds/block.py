@@ -35,7 +35,7 @@ class PointBlock:
     laser : ndarray of int64, shape (n,), or None
         Number of the laser as the file counts them, from 0; None where it does not say.
     laser_field : str
-        Name of that field; empty where there is none.
+        Name of the field that contains it; empty if the file has no such field.
     intensity : ndarray of uint8, shape (n,)
         Zeros where the file does not say.
     rotation : ndarray of int64, shape (n,)

@@ -97,20 +97,8 @@ def topic_of_cloud(path: Path, topic: str | None) -> str:
             where=str(path),
             hint="Record the topic of the points, such as /velodyne_points.",
         )
-    if topic is not None and topic not in found:
-        raise RecordingError(
-            f"holds no clouds of the topic {topic!r}",
-            where=str(path),
-            allowed=listed(found, "messages"),
-        )
-    if topic is None and len(found) > 1:
-        raise RecordingError(
-            f"holds clouds of {len(found)} topics",
-            where=str(path),
-            allowed=listed(found, "messages"),
-            hint="Choose one by its topic, as `address`.",
-        )
-    return topic or next(iter(found))
+    missing = f"holds no clouds of the topic {topic!r}"
+    return rosbag.one_topic(path, found, topic, missing, f"holds clouds of {len(found)} topics")
 
 
 def blocks(

@@ -12,7 +12,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.unit.result import UnitCalibration
@@ -325,6 +324,8 @@ def _gain(pairs: Sequence[Sequence[Array]]) -> Gain:
     gain, n = before - after, int(seen.sum())
     half = np.inf
     if n > 1:
+        from scipy.special import stdtrit  # here: many jobs import this module, few need it
+
         half = float(stdtrit(n - 1, 0.5 + LEVEL / 2.0) * gain.std(ddof=1) / np.sqrt(n))
     mean = float(gain.mean())
     return Gain(float(before.mean()), float(after.mean()), mean, mean - half, mean + half, n)

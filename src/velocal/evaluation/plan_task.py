@@ -177,7 +177,7 @@ def configuration_in(folder: Path) -> Path:
     Raises
     ------
     ConfigError
-        If there is none.
+        If the folder has no configuration.
     """
     for name in CONFIGURATIONS:
         if (folder / name).is_file():

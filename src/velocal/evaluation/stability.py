@@ -29,6 +29,7 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.evaluation.drift import MIN_BLOCKS, Blocks, block_means, temperature_table
 from velocal.evaluation.holdout import LEVEL
+from velocal.evaluation.planes_in_data import FieldPlane
 from velocal.scanner.parameters import LaserParameters
 
 #: Columns of the table of `tabulate`.
@@ -249,33 +250,87 @@ def between_recordings(
     )
 
 
-def rows_on_planes(
-    whole: tuple[NDArray[np.integer], NDArray[np.integer], NDArray[np.integer]],
-    part: tuple[NDArray[np.integer], NDArray[np.integer]],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find the medians of a part of a recording that lie on planes of the whole one.
+@dataclass(frozen=True)
+class BinsOnPlanes:
+    """Bins of laser and azimuth of a whole recording whose medians lie on planes.
 
-    Parameters
+    Attributes
     ----------
-    whole : tuple of ndarray of int, shape (n,)
-        Laser, azimuth bin and plane of the medians of the whole recording that lie on planes.
-    part : tuple of ndarray of int, shape (m,)
-        Laser and azimuth bin of the medians of the part.
-
-    Returns
-    -------
-    rows, plane : ndarray of int
-        Medians of the part whose laser and bin are on a plane, and its number.
+    ticks, min_count : int
+        Width of an azimuth bin, and the returns that a median needs.
+    laser_id, azimuth_bin, plane : ndarray of int, shape (n,)
+        Laser, azimuth bin and plane of the medians on planes.
+    normal, offset : ndarray, shape (planes, 3), (planes,)
+        Unit normals and offsets (metres) of the planes, in the scanner frame.
     """
-    shape = [
-        1 + max(int(a.max(initial=0)), int(b.max(initial=0)))
-        for a, b in zip(whole[:2], part, strict=True)
-    ]
-    number = np.full(shape, -1)
-    number[whole[0], whole[1]] = whole[2]
-    found = number[part[0], part[1]]
-    rows = np.flatnonzero(found >= 0)
-    return rows, found[rows]
+
+    ticks: int
+    min_count: int
+    laser_id: NDArray[np.integer]
+    azimuth_bin: NDArray[np.int64]
+    plane: NDArray[np.integer]
+    normal: Array
+    offset: Array
+
+    @classmethod
+    def of(
+        cls,
+        medians: Mapping[str, NDArray[Any]],
+        rows: NDArray[np.integer],
+        plane: NDArray[np.integer],
+        planes: Sequence[FieldPlane],
+        *,
+        ticks: int,
+        min_count: int,
+    ) -> BinsOnPlanes:
+        """Take the bins from the medians of the whole recording.
+
+        Parameters
+        ----------
+        medians : mapping
+            Columns of `schemas.MEDIANS`.
+        rows, plane : ndarray of int, shape (n,)
+            Medians on planes, and the number of the plane of each.
+        planes : sequence of FieldPlane
+        ticks, min_count : int
+        """
+        fitted = [each.fit.plane for each in planes]
+        return cls(
+            ticks,
+            min_count,
+            medians["laser_id"][rows],
+            medians["azimuth"][rows].astype(np.int64) // ticks,
+            plane,
+            np.stack([each.normal for each in fitted]),
+            np.array([each.offset for each in fitted]),
+        )
+
+    def rows_of(
+        self, medians: Mapping[str, NDArray[Any]]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Find the medians of a part of the recording that lie on these planes.
+
+        Parameters
+        ----------
+        medians : mapping
+            Columns of `schemas.MEDIANS`, of the part.
+
+        Returns
+        -------
+        rows, plane : ndarray of int
+            Medians whose laser and bin are on a plane, and its number.
+        """
+        part = medians["laser_id"], medians["azimuth"].astype(np.int64) // self.ticks
+        whole = self.laser_id, self.azimuth_bin
+        shape = [
+            1 + max(int(a.max(initial=0)), int(b.max(initial=0)))
+            for a, b in zip(whole, part, strict=True)
+        ]
+        number = np.full(shape, -1)
+        number[whole] = self.plane
+        found = number[part]
+        rows = np.flatnonzero(found >= 0)
+        return rows, found[rows]
 
 
 def parts_in_time(complete: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -453,7 +508,7 @@ def _own(unit: UnitCalibration, settings: UnitSettings) -> UnitSettings:
         settings,
         prior=prior,
         shift_m=_NO_SHIFT_M,
-        least_voff_m=0.0,
+        least_std={},
         hold_below=0.0,
         integration_points=1,
     )

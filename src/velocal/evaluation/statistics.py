@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
 from velocal.adjustment.observations import Observations
 from velocal.arrays import Array
@@ -110,6 +109,8 @@ def _chi_square_bound(freedom: NDArray[np.int64]) -> Array:
 
     scipy.stats has the same, but takes longer to import than most scripts to run.
     """
+    from scipy.special import gammaincinv  # here: many jobs import this module, few need it
+
     return np.asarray(2.0 * gammaincinv(freedom / 2.0, ALPHA))
 
 

@@ -249,7 +249,8 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     -------
     UnitCalibration
         The variances of the angles that are not adjusted are those of the unit as the data show
-        them; the covariances of the distances are those for given angles.
+        them. The covariance contains what errors of this size do to the distances. What the data
+        say of the mean of such an angle is stated (`CommonPart.by_survey`), and not corrected.
 
     Raises
     ------
@@ -265,35 +266,34 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
         )
     factory = used[0].cloud.parameters
     stations = [unit_station_of(each) for each in used]
-    found = adjust_unit(stations, factory, replace(settings, integration_points=1))
+    found = adjust_unit(stations, factory, settings)
     share = np.median(found.determined[found.calibration.observed], axis=0)
     held = {
         name: _HELD_RAD
         for name, decided in zip(NAMES, share, strict=True)
         if name != "dl" and decided < LEAST_SHARE
     }
+    if not held:
+        return found
+    spread = {one.name.removeprefix("sigma_"): one.rms for one in found.population}
     result = adjust_unit(
-        stations, factory, replace(settings, prior={**(settings.prior or {}), **held})
+        stations,
+        factory,
+        replace(
+            settings,
+            prior={**(settings.prior or {}), **held},
+            least_std={**settings.least_std, **{name: spread[name] for name in held}},
+        ),
     )
-    return _with_spread(result, {name: found.sigma(f"sigma_{name}") for name in held})
-
-
-def _with_spread(unit: UnitCalibration, left: Mapping[str, float]) -> UnitCalibration:
-    """State the spread over the lasers as the standard deviation of what was not adjusted.
-
-    Parameters
-    ----------
-    unit : UnitCalibration
-    left : mapping of str to float
-        Spread of the parameters that stayed at the factory's values, radians.
-    """
-    calibration = unit.calibration
-    unknown = calibration.sources["prior"].copy()
-    for name, spread in left.items():
-        at = NAMES.index(name)
-        unknown[:, at, at] += spread**2
-    sources = {**calibration.sources, "prior": unknown}
-    return replace(unit, calibration=replace(calibration, sources=sources))
+    # Where all lasers are taken to have the same angle, its mean seems to be known too well.
+    free = {one.name: one for one in found.common if one.name in held}
+    common = [
+        replace(one, by_survey=free[one.name].by_survey, by_survey_std=free[one.name].by_survey_std)
+        if one.name in free
+        else one
+        for one in result.common
+    ]
+    return replace(result, common=tuple(common))
 
 
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:

@@ -180,15 +180,13 @@ class Patch:
         -------
         ndarray of bool, shape (n,)
         """
-        inside = np.ones(len(points), dtype=bool)
-        centre = self.corners.mean(axis=0)
-        for start, end in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
-            inward = np.cross(self.plane.normal, end - start)
-            inward /= np.linalg.norm(inward)
-            if inward @ (centre - start) < 0:
-                inward = -inward
-            inside &= (points - start) @ inward >= margin_m
-        return inside
+        along = np.roll(self.corners, -1, axis=0) - self.corners
+        inward = np.cross(self.plane.normal, along)
+        inward /= np.linalg.norm(inward, axis=1)[:, None]
+        edge = (inward * self.corners).sum(axis=1)
+        turned = inward @ self.corners.mean(axis=0) < edge
+        inward[turned], edge[turned] = -inward[turned], -edge[turned]
+        return np.asarray((inward @ points.T >= edge[:, None] + margin_m).all(axis=0))
 
 
 def hull_patch(name: str, fit: PlaneFit, points: Array) -> Patch:

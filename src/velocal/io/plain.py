@@ -74,6 +74,8 @@ def from_plain(kind: type[_T], content: Any, where: str) -> _T:
 
 def _built(kind: Any, content: Any) -> Any:
     origin, parts = get_origin(kind), get_args(kind)
+    if hasattr(origin, "__value__"):  # NDArray of numpy 2.5 is an alias by a `type` statement
+        return _built(origin.__value__[parts], content)
     if origin in (Union, UnionType):
         if content is None:
             return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -87,37 +87,44 @@ def bag(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iterator[
         )
         return stamp_ns, store.serialize_cdr(cloud, kind)
 
-    with (
-        new_file(path) as file,
-        tempfile.TemporaryDirectory(dir=path.parent, prefix=".points-") as folder,
-    ):
-        with Writer(Path(folder, "bag"), version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    with new_file(path) as file, ExitStack() as stack:
+        # The writer of rosbags needs a folder; faults of its files are faults of `path`.
+        with writing(path):
+            temporary = tempfile.TemporaryDirectory(
+                dir=path.parent, prefix=".points-", ignore_cleanup_errors=True
+            )
+            folder = Path(stack.enter_context(temporary), "bag")
+            bagged = stack.enter_context(ExitStack())
+            writer = bagged.enter_context(
+                Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+            )
             connection = writer.add_connection(TOPIC, kind, typestore=store)
 
-            def write(columns: Mapping[str, NDArray[Any]]) -> None:
-                nonlocal current
-                rotation = columns["rotation"].astype(np.int64)
-                for each in np.unique(rotation):
-                    if each != current and parts:
-                        with writing(path):
-                            writer.write(connection, *message())
-                        parts.clear()
-                        times.clear()
-                    current = int(each)
-                    chosen = rotation == each
-                    points = np.zeros(np.count_nonzero(chosen), dtype=row)
-                    points["ring"] = ring_of[columns["laser_id"][chosen]]
-                    for name in layout.keys() - {"ring", "time"}:
-                        points[name] = columns[name][chosen]
-                    parts.append(points)
-                    times.append(columns["time"][chosen])
+        def write(columns: Mapping[str, NDArray[Any]]) -> None:
+            nonlocal current
+            rotation = columns["rotation"].astype(np.int64)
+            for each in np.unique(rotation):
+                if each != current and parts:
+                    with writing(path):
+                        writer.write(connection, *message())
+                    parts.clear()
+                    times.clear()
+                current = int(each)
+                chosen = rotation == each
+                points = np.zeros(np.count_nonzero(chosen), dtype=row)
+                points["ring"] = ring_of[columns["laser_id"][chosen]]
+                for name in layout.keys() - {"ring", "time"}:
+                    points[name] = columns[name][chosen]
+                parts.append(points)
+                times.append(columns["time"][chosen])
 
-            yield write
+        yield write
+        with writing(path):
             if parts:
-                with writing(path):
-                    writer.write(connection, *message())
-        with Path(folder, "bag", "bag.mcap").open("rb") as whole:
-            shutil.copyfileobj(whole, file)
+                writer.write(connection, *message())
+            bagged.close()
+            with (folder / "bag.mcap").open("rb") as whole:
+                shutil.copyfileobj(whole, file)
 
 
 def rings(scanner: str) -> NDArray[np.uint16]:

@@ -71,7 +71,7 @@ def scanner_of_cloud(file: CloudFile, stated: str | Scanner | None) -> Scanner:
     Raises
     ------
     ConfigError
-        If there is none, or both differ.
+        If nobody says which scanner it was, or the call and the file say different ones.
     """
     said = file.origin.scanner if file.origin else None
     if stated is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from velocal.evaluation.candidates import Role
 from velocal.evaluation.interior_map import STATES
 from velocal.reporting.figures.corrections import LEVEL
 from velocal.reporting.figures.per_laser import TITLES, name_after
@@ -114,12 +115,12 @@ def _of_what(selection: LaserFigure | HistogramFigure) -> str:
 
 
 def _laser_caption(selection: LaserFigure, numbers: pd.DataFrame) -> str:
-    with_what = (
-        "the parameters adjusted on each window itself"
-        if selection.data == "calibration"
-        else f"parameter set {name_after(numbers)}, that of least mean standard deviation over "
-        "these samples"
-    )
+    role = numbers.loc[numbers["calibration"] == "after", "role"].iloc[0]
+    name = f"parameter set {name_after(numbers)}"
+    with_what = {
+        Role.WINDOW: "the parameters adjusted on each window itself",
+        Role.UNIT: f"{name}, the calibration of the unit as a whole",
+    }.get(Role(role), f"{name}, that of least mean standard deviation over these samples")
     what = TITLES[selection.kind]
     about = "Root mean square about zero" if selection.kind == "std" else "Of all residuals"
     return (

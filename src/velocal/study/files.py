@@ -118,7 +118,8 @@ def _named(study: Study) -> Iterable[tuple[str, str]]:
             yield f"survey.{key}", path
     samples: list[Sample | OutdoorSample] = [*study.samples.values(), *study.outdoor.values()]
     for sample in samples:
-        yield f"recording of sample {sample.name!r}", sample.recording
+        if not sample.is_remote:
+            yield f"recording of sample {sample.name!r}", sample.recording
         yield f"calibration of sample {sample.name!r}", sample.calibration
     if study.config.simulation:
         yield "simulation.world", study.config.simulation.world

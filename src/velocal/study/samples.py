@@ -45,12 +45,18 @@ class Row(Section):
     scanner: ScannerName = Field(description="scanner that made the recording; `HDL-64E` is an S2")
     recording: Text = Field(
         description="path of the capture: records of 1206 or 1248 bytes, pcap, pcapng, any of "
-        "them gzipped, or a file of a ROS bag (`docs/file-formats.md`)"
+        "them gzipped, or a file of a ROS bag (`docs/file-formats.md`); or an address "
+        "(`s3://...`, `https://...`) from which a storage plugin of Snakemake fetches it"
     )
     calibration: Text = Field(
         description="path of the factory's calibration (`.xml` as Velodyne ships it, ROS `.yaml`, "
         "or our `.csv`), `nominal`, or `embedded`"
     )
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the recording is an address, from which a storage plugin fetches it."""
+        return "://" in self.recording
 
 
 class Sample(Row):

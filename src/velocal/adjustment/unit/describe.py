@@ -67,7 +67,7 @@ def describe(
     values: Array,
     output: Array,
     survey: Mapping[str, NDArray[np.int64]],
-    least_voff_m: float = 0.0,
+    least_std: Mapping[str, float] | None = None,
 ) -> Description:
     """Describe a posterior.
 
@@ -80,8 +80,8 @@ def describe(
         Derivatives of the corrections by the unknowns of a laser.
     survey : mapping of str to ndarray of int
         Places of the errors of the survey among the common unknowns, by source.
-    least_voff_m : float
-        Standard deviation of the errors of voff that the covariance contains at least, metres.
+    least_std : mapping of str to float, optional
+        See `UnitSettings`.
 
     Notes
     -----
@@ -146,11 +146,13 @@ def describe(
     blocks = together.reshape(lasers, 3, lasers, 3)
     covariance = inner + np.einsum("kukv->kuv", blocks)
     sources = {"noise": covariance - sum(sources.values())} | sources
-    # Data hardly tell voff from v. State at least what is usual, however little was learnt.
-    place = UNKNOWNS.index("voff")
-    more = max((least_voff_m / std[place]) ** 2 - 1.0, 0.0)
-    extra = more * _squares(influence(np.array([place])))
-    sources["offsets"], covariance = sources["offsets"] + extra, covariance + extra
+    # State at least what is usual, however little was assumed.
+    for name, least in (least_std or {}).items():
+        place = UNKNOWNS.index(name)
+        more = max((least / std[place]) ** 2 - 1.0, 0.0)
+        extra = more * _squares(influence(np.array([place])))
+        kind = "prior" if place < WITH_MEAN else "offsets"
+        sources[kind], covariance = sources[kind] + extra, covariance + extra
     prior = np.einsum("kua,a,kua->ku", output, std[:u] ** 2, output)
     place = UNKNOWNS.index("scale")
     by_scale = -std[place] * slope[:, place]

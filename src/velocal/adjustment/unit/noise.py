@@ -39,8 +39,9 @@ def matern(apart: Array, length: float) -> Array:
 
 def correlation(phi: Array, length: float) -> Array:
     """Correlation of the pattern between the angles of one laser at one station, (n, n)."""
-    apart = np.mod(phi[:, None] - phi + np.pi, 2.0 * np.pi) - np.pi
-    return matern(apart, length)
+    turned = np.mod(phi, 2.0 * np.pi)
+    apart = np.abs(turned[:, None] - turned)
+    return matern(np.minimum(apart, 2.0 * np.pi - apart), length)
 
 
 @dataclass(frozen=True)

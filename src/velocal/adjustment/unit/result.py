@@ -13,6 +13,8 @@ from velocal.arrays import Array
 
 #: Parameters of the result, in the order of its vectors and matrices.
 NAMES = ("dl", "alpha", "v")
+#: Quantile of 95 % of a normal distribution.
+_NORMAL_95 = 1.644854
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,15 @@ class Component:
     low: float
     high: float
     learnt: bool
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square, with the logarithm taken as normal.
+
+        A value of this size that is not known exactly causes errors of this variance.
+        """
+        width = np.log(self.high / self.low) / (2.0 * _NORMAL_95)
+        return float(self.value * np.exp(width**2))
 
 
 @dataclass(frozen=True)

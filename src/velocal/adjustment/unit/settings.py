@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from velocal.scanner.parameters import FAR_POINT_M, TWO_POINT, LaserParameters
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
 LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
 #: Settings that are no sizes, or may be zero.
-_NOT_SIZES = ("prior", "hold_below", "pose_in_common", "least_voff_m", "learn_relief")
+_NOT_SIZES = ("prior", "hold_below", "pose_in_common", "least_std", "learn_relief")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +49,10 @@ class UnitSettings:
         Standard deviation of the errors of `voff` (unless `prior` gives another), and scale of
         the hyperprior of those of `hoff`, metres. They are not corrected, but their errors would
         otherwise be read as angles.
-    least_voff_m : float
-        Standard deviation of the errors of `voff` that the stated covariance contains at least,
-        metres: one height of the scanner cannot tell them from those of v.
+    least_std : mapping of str to float
+        Standard deviations over the lasers, out of `LEARNT`, that the stated covariance contains at
+        least, also where the estimate reckons with less; metres, radians, 1. That of `voff` is
+        3 mm: one height of the scanner cannot tell its errors from those of v.
     far_point_m : float or None
         Range along the beam at which the distance correction of the factory holds, metres (25.04
         for scanners with a two-point file). The correction of the distance fades to zero there.
@@ -80,7 +81,7 @@ class UnitSettings:
     shift_m: float = 0.005
     common_shift_m: float = 0.005
     offset_m: float = 0.0007
-    least_voff_m: float = 0.003
+    least_std: Mapping[str, float] = field(default_factory=lambda: {"voff": 0.003})
     far_point_m: float | None = None
     far_std_m: float = 0.01
     pose_in_common: float = 0.4
@@ -141,10 +142,10 @@ class UnitSettings:
                 where="settings of a unit",
                 allowed="from 0 to less than 1",
             )
-        for name, value in (self.prior or {}).items():
+        for name, value in [*(self.prior or {}).items(), *self.least_std.items()]:
             if name not in LEARNT or not value > 0.0:
                 raise VelocalError(
-                    f"prior standard deviation {value} of {name!r}",
+                    f"standard deviation {value} of {name!r}",
                     where="settings of a unit",
                     allowed=f"more than 0, of {', '.join(LEARNT)}",
                 )

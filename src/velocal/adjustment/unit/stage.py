@@ -40,11 +40,11 @@ class Stage:
     mean_range: Array
     output: Array
     survey: Mapping[str, NDArray[np.int64]]
-    least_voff_m: float
+    least_std: Mapping[str, float]
 
     def describe(self, posterior: Posterior, values: Array) -> Description:
         """Posterior in the form of a result."""
-        return describe(posterior, values, self.output, self.survey, self.least_voff_m)
+        return describe(posterior, values, self.output, self.survey, self.least_std)
 
 
 def noise_of(
@@ -86,7 +86,7 @@ def make_stage(
         mean_range=mean_range,
         output=_output(mean_range, settings.far_point_m),
         survey=survey,
-        least_voff_m=settings.least_voff_m,
+        least_std=settings.least_std,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from velocal.arrays import Array
 from velocal.errors import VelocalError
@@ -23,7 +23,7 @@ from velocal.study.figures import CorrectionsFigure
 LEVEL = 0.95
 #: Half width of an interval in standard deviations. A set states its standard deviations without
 #: degrees of freedom, so the quantile is that of the normal distribution.
-QUANTILE = float(ndtri(0.5 + LEVEL / 2.0))
+QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
 
 #: Unit for people and its size, by unit.
 _SHOWN = {"m": ("cm", 1e-2), "rad": ("deg", np.pi / 180.0)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from velocal.arrays import Array
 from velocal.evaluation.holdout import LEVEL, JudgedCalibration
@@ -29,7 +29,7 @@ from velocal.reporting.style import (
 from velocal.scanner.models import scanner_named
 
 #: Half width of an interval in standard deviations.
-_QUANTILE = float(ndtri(0.5 + LEVEL / 2.0))
+_QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
 

@@ -153,9 +153,11 @@ def draw(plan: Plan, seed: int) -> Trial:
     for place in PLACES[-UNSEEN:]:
         pose = pose_at(rng, place, 0.0, 0)
         unseen += shots.windows(rng, pose, None, 1)
-    two_point = plan.unit.two_point_cm
+    # The near points of the file are applied before the adjustment. What they are wrong by is
+    # linear in the range, and the unknown is its value at range zero.
+    at_zero = plan.unit.two_point_cm * FAR_M / (FAR_M - NEAR_M[0])
     spread = {
-        "dl": (np.hypot(two_point, TWO_POINT_CM) if two_point else plan.unit.dl_cm) * _CM,
+        "dl": (at_zero or plan.unit.dl_cm) * _CM,
         "alpha": plan.unit.alpha_deg * _DEG,
         "v": plan.unit.v_deg * _DEG,
         "scale": 0.0,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from velocal.adjustment.functional import design
 from velocal.adjustment.nuisance import by_plane
@@ -61,7 +61,7 @@ class Misfit:
 
     def log_p(self) -> float:
         """Logarithm of the probability of such a statistic by chance."""
-        return float(chi2.logsf(self.statistic, self.dof)) if self.dof else 0.0
+        return float(np.log(chdtrc(self.dof, self.statistic))) if self.dof else 0.0
 
 
 @dataclass(frozen=True)
@@ -291,7 +291,7 @@ def check_origin(
     weight = np.array([1.0 / each.std[0] ** 2 for each in told])
     up = -float(weight @ [each.value[0] for each in told] / weight.sum())
     std = float(1.0 / np.sqrt(weight.sum()))
-    significant = norm.sf(up / std) < SIGNIFICANCE / n_tests
+    significant = ndtr(-up / std) < SIGNIFICANCE / n_tests
     if not significant or abs(up - expected) > max(3.0 * std, _SAME_HEIGHT * expected):
         return []
     effect = max(each.effect_m for each in told)

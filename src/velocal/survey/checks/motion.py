@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from velocal.survey.checks.cells import Cells
 from velocal.survey.checks.findings import SIGNIFICANCE, Finding, severity
@@ -76,7 +76,7 @@ def check_motion(
         return []
     statistic = explained / rank / (left / dof)
     effect = float(np.sqrt(np.mean((full @ pose) ** 2)))
-    if f_distribution.sf(statistic, rank, dof) > SIGNIFICANCE / n_tests or effect < tick_m:
+    if fdtrc(rank, dof, statistic) > SIGNIFICANCE / n_tests or effect < tick_m:
         return []
     turn, shift = np.rad2deg(np.linalg.norm(pose[:3])), np.linalg.norm(pose[3:]) * 100
     return [

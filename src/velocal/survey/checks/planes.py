@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from velocal.arrays import Array
 from velocal.errors import SurveyError
@@ -94,10 +94,10 @@ def _wrong_target(targets: Targets, sigma_m: float, where: str) -> list[Finding]
         factor = fit.variance_factor if n > 4 else 1.0
         spread = at @ fit.plane.covariance @ at
         stated = np.sqrt((std[i] ** 2 + spread) * (1.0 + SURFACE_M**2 / std[i] ** 2))
-        limit = stated * norm.isf(SIGNIFICANCE / n / 2.0)
+        limit = stated * -ndtri(SIGNIFICANCE / n / 2.0)
         if n >= ENOUGH:
             own = np.sqrt((std[i] ** 2 + spread) * factor)
-            limit = max(limit, own * t.isf(SIGNIFICANCE / n / 2.0, n - 4))
+            limit = max(limit, own * -stdtrit(n - 4, SIGNIFICANCE / n / 2.0))
         if abs(residual) > ratio * limit:
             worst, ratio = i, abs(residual) / limit
             effect, deviation = _effect(points, std, others), residual

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from velocal.adjustment.nuisance import by_pose
 from velocal.arrays import Array
@@ -148,7 +148,7 @@ def check_pose(
     if fit.redundancy == 0:
         return found
     squares = fit.variance_factor * fit.redundancy
-    if squares > chi2.isf(SIGNIFICANCE, fit.redundancy):
+    if squares > chdtri(fit.redundancy, SIGNIFICANCE):
         found += _mirrored(site, scanner, squares, fit.redundancy, where) or _one_target(
             site, scanner, fit, probes, sigma_m, where
         )
@@ -268,7 +268,7 @@ def _mirrored(
 ) -> list[Finding]:
     """Coordinates of different handedness: a reflection fits far better than a rotation."""
     _, reflected = mirrored_fit(site, scanner)
-    if squares - reflected < chi2.isf(SIGNIFICANCE, redundancy):
+    if squares - reflected < chdtri(redundancy, SIGNIFICANCE):
         return []
     return [
         Finding(
@@ -314,7 +314,7 @@ def _one_target(
         f"residual {np.abs(fit.residuals).max() * 1e3:.2g} mm)"
     )
     hint = "Measure the base again, or state the standard deviations that it really has."
-    if n > 3 and values[worst] > chi2.isf(SIGNIFICANCE / n, 3):
+    if n > 3 and values[worst] > chdtri(3, SIGNIFICANCE / n):
         keep = [i for i in range(n) if i != worst]
         try:
             rest = adjust_rigid(

@@ -275,13 +275,22 @@ def _evenly(parts: Iterable[_Part]) -> Iterator[_Part]:
     """Payloads and rotations of their blocks, `PACKETS` at a time."""
     held: list[_Part] = []
     n = 0
-    for part in parts:
-        held.append(part)
-        n += len(part[0])
-        while n >= PACKETS:
-            payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
-            yield payloads[:PACKETS], rotation[:PACKETS]
-            held, n = [(payloads[PACKETS:], rotation[PACKETS:])], n - PACKETS
+    for payloads, rotation in parts:
+        begin = 0
+        while n + len(payloads) - begin >= PACKETS:
+            end = begin + PACKETS - n
+            held.append((payloads[begin:end], rotation[begin:end]))
+            yield _joined(held)
+            held, n, begin = [], 0, end
+        if begin < len(payloads):
+            held.append((payloads[begin:], rotation[begin:]))
+            n += len(payloads) - begin
     if n:
-        payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
-        yield payloads, rotation
+        yield _joined(held)
+
+
+def _joined(parts: list[_Part]) -> _Part:
+    if len(parts) == 1:
+        return parts[0]
+    payloads, rotation = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return payloads, rotation

@@ -117,7 +117,7 @@ def main() -> None:
             "medians": lambda: medians(recording, given.rounds),
             "parquet": lambda: parquet(recording, folder, given.rounds),
             "points": lambda: points(recording, folder, max(given.rounds - 2, 1)),
-            "adjustment": lambda: adjustment(given.rounds),
+            "adjustment": lambda: adjustment(max(given.rounds - 2, 1)),
             "starts": lambda: starts(folder, given.rounds),
             "scaling": scale,
         }

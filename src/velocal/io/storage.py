@@ -117,7 +117,7 @@ class TableWriter:
 
     def write(self, columns: Mapping[str, Any]) -> None:
         """Append rows, given as one array per column."""
-        arrays = [pa.array(columns[field.name], type=field.type) for field in self._schema]
+        arrays = [_to_arrow(columns[field.name], field.type) for field in self._schema]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
 
@@ -141,6 +141,39 @@ def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableW
     }
     with new_file(path) as file, pq.ParquetWriter(file, described, **options) as writer:
         yield TableWriter(writer, described)
+
+
+# To convert a column pyarrow imports pandas, which takes longer than many jobs: the memory of plain
+# numbers is handed over as it is.
+
+
+def _to_arrow(values: Any, kind: pa.DataType) -> pa.Array:
+    """Column of a table, of a type that it has or can be converted to without loss."""
+    given = np.ascontiguousarray(values)
+    if given.dtype == bool and pa.types.is_boolean(kind):
+        given = np.packbits(given, bitorder="little")
+    elif not pa.types.is_primitive(kind) or given.dtype != kind.to_pandas_dtype():
+        return pa.array(values, type=kind)
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(given)])
+
+
+def _to_numpy(column: pa.ChunkedArray) -> np.ndarray[Any, Any]:
+    """Values of a column."""
+    kind = column.type
+    if column.null_count or not pa.types.is_primitive(kind):
+        return np.asarray(column.to_numpy())
+    values = _bits if pa.types.is_boolean(kind) else np.from_dlpack
+    parts = [values(chunk) for chunk in column.chunks if len(chunk)]
+    if not parts:
+        return np.empty(0, dtype=kind.to_pandas_dtype())
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _bits(chunk: pa.Array) -> np.ndarray[Any, Any]:
+    """Truth values, of which eight are kept in a byte."""
+    packed = np.frombuffer(chunk.buffers()[1], np.uint8)
+    places = np.unpackbits(packed, count=chunk.offset + len(chunk), bitorder="little")
+    return places[chunk.offset :].view(bool)
 
 
 def write_table(path: Path, schema: pa.Schema, columns: Mapping[str, Any], **facts: Any) -> None:
@@ -172,7 +205,7 @@ def read_table(
             table = file.read(columns=columns)
         # A damaged page may be read as something that is no number of the column's type.
         table.validate(full=True)
-        return {name: table[name].to_numpy() for name in table.column_names}, facts
+        return {name: _to_numpy(table[name]) for name in table.column_names}, facts
     except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0] if str(error) else "no memory for what it states"
         raise StorageError(

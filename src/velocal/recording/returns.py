@@ -249,17 +249,19 @@ def returns_of(
         firings = decode(payloads, scanner, returns)
         of_firing = rotation.reshape(-1)[firings.block]
         keep = of_firing >= 0
+        if not keep.all():  # at the edges only; elsewhere a copy of everything is saved
+            firings, of_firing = firings[keep], of_firing[keep]
         width = scanner.lasers_per_firing
         yield Returns(
             scanner=scanner,
             rotation_rate_hz=rate_hz,
-            rotation=np.repeat(of_firing[keep].astype(np.uint32), width),
-            timestamp=np.repeat(firings.timestamp[keep], width),
-            azimuth=np.repeat(firings.azimuth[keep], width),
-            laser_id=firings.laser_id()[keep].reshape(-1),
-            distance=firings.distance[keep].reshape(-1),
-            intensity=firings.intensity[keep].reshape(-1),
-            which=np.repeat(firings.which[keep], width),
+            rotation=np.repeat(of_firing.astype(np.uint32), width),
+            timestamp=np.repeat(firings.timestamp, width),
+            azimuth=np.repeat(firings.azimuth, width),
+            laser_id=firings.laser_id().reshape(-1),
+            distance=firings.distance.reshape(-1),
+            intensity=firings.intensity.reshape(-1),
+            which=np.repeat(firings.which, width),
         )
         packets += len(payloads)
         if progress is not None:
@@ -273,13 +275,22 @@ def _evenly(parts: Iterable[_Part]) -> Iterator[_Part]:
     """Payloads and rotations of their blocks, `PACKETS` at a time."""
     held: list[_Part] = []
     n = 0
-    for part in parts:
-        held.append(part)
-        n += len(part[0])
-        while n >= PACKETS:
-            payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
-            yield payloads[:PACKETS], rotation[:PACKETS]
-            held, n = [(payloads[PACKETS:], rotation[PACKETS:])], n - PACKETS
+    for payloads, rotation in parts:
+        begin = 0
+        while n + len(payloads) - begin >= PACKETS:
+            end = begin + PACKETS - n
+            held.append((payloads[begin:end], rotation[begin:end]))
+            yield _joined(held)
+            held, n, begin = [], 0, end
+        if begin < len(payloads):
+            held.append((payloads[begin:], rotation[begin:]))
+            n += len(payloads) - begin
     if n:
-        payloads, rotation = (np.concatenate(column) for column in zip(*held, strict=True))
-        yield payloads, rotation
+        yield _joined(held)
+
+
+def _joined(parts: list[_Part]) -> _Part:
+    if len(parts) == 1:
+        return parts[0]
+    payloads, rotation = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return payloads, rotation

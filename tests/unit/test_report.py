@@ -386,6 +386,8 @@ def test_every_figure_of_the_paper_is_accounted_for():
     assert section.count('<tr><th scope="row"') >= 28
     own = report.render(replace(FULL, agreement=None))
     assert "every figure of the paper" not in own
+    assert "Table II" not in own
+    assert ">Calibration data, HDL-64E: " in own
 
 
 # -- wide tables, on screen and on paper -----------------------------------------------------------

@@ -10,6 +10,7 @@ from support.capture import record_list, scan, spin, write
 from typer.testing import CliRunner
 
 from velocal.cli import app
+from velocal.errors import RecordingError
 from velocal.io import schemas, storage
 from velocal.packets.data import view
 from velocal.points.stream import stream_points
@@ -81,10 +82,14 @@ def test_scripts_of_a_study_without_a_survey(name, rotations, tmp_path):
         recording=path, ledger=tmp_path / "ledger.json", rotations=index, calibration=None,
         max_missing=0.05, **of,
     )  # fmt: skip
-    reduce_recording.main(
-        recording=path, rotations=index, returns=returns, medians=medians, window="all",
-        length=None, which="strongest", azimuth_bin_ticks=20, min_count=1, **of,
-    )  # fmt: skip
+    window = {
+        "recording": path, "rotations": index, "returns": returns, "medians": medians,
+        "window": "all", "length": None, "which": "strongest", "azimuth_bin_ticks": 20, **of,
+    }  # fmt: skip
+    with pytest.raises(RecordingError, match="no azimuth bin of a laser has 99 returns"):
+        reduce_recording.main(**window, min_count=99)
+    assert not medians.exists()
+    reduce_recording.main(**window, min_count=1)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     assert len(columns["distance"]) > 0
     assert facts["rotation_rate_hz"] > 5.0

@@ -17,6 +17,8 @@ from velocal.errors import VelocalError
 from velocal.geometry.rigid import RigidTransformation, rotation_from_vector
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
+from velocal.simulation.independent.plan import Plan, UnitErrors
+from velocal.simulation.independent.trial import draw
 
 #: Without integration: what is tested here does not depend on it.
 QUICK = UnitSettings(integration_points=1, linearisations=1, shift_m=0.0013)
@@ -395,3 +397,23 @@ def test_wrong_input_is_told(small):
         adjust_unit([replace(station, observations=endless)], factory)
     with pytest.raises(VelocalError, match="2 names"):
         replace(station, plane_names=("a", "b"))
+
+
+def test_lasers_are_adjusted_though_the_survey_does_not_know_their_mean():
+    """The survey is turned by 3.7 times what it states: some of it may be a mean of alpha.
+
+    The differences of the lasers are well known all the same.
+    """
+    common = UnitErrors(alpha_mean_deg=0.9)
+    trial = draw(Plan(scanner="VLP-16", stations=2, windows=1, every=8, unit=common), 4)
+    stations = [each.survey.of_unit(each.windows[0]) for each in trial.stations]
+    found = adjust_unit(
+        stations, trial.factory, replace(QUICK, linearisations=2, integration_points=9)
+    )
+    alpha = next(one for one in found.common if one.name == "alpha")
+    assert 3.0 < alpha.by_survey / alpha.by_survey_std < 4.5
+    assert 0.0 < alpha.decided < 1.0
+    assert alpha.std > found.sigma("sigma_alpha")
+    error, wanted = errors_of(found, trial.true, trial.factory)
+    assert np.std(error[:, 1]) < 0.2 * np.std(wanted[:, 1])
+    assert not any(one.name == "alpha" for one in found.held)

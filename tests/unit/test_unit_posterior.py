@@ -199,21 +199,25 @@ def test_a_known_mean_takes_its_uncertainty_out(monkeypatch):
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-5, atol=1e-7)
 
 
-def test_the_error_of_voff_is_stated_at_least(monkeypatch):
-    """Twice the standard deviation of the model gives four times the variance that voff causes."""
+@pytest.mark.parametrize(("name", "kind"), [("voff", "offsets"), ("v", "prior")])
+def test_an_error_is_stated_at_least(name, kind, monkeypatch):
+    """Twice the standard deviation of the model gives four times the variance that it causes."""
     of = case()
     found, output = described(of, monkeypatch)
     survey = {"pose": of.sums.layout.survey.start + np.arange(SURVEY)}
-    posterior, place = Posterior(of.sums, of.std, of.common_std), UNKNOWNS.index("voff")
-    more = describe(posterior, np.zeros(0), output, survey, 2.0 * of.std[place])
-    less = describe(posterior, np.zeros(0), output, survey, 0.5 * of.std[place])
+    posterior, place = Posterior(of.sums, of.std, of.common_std), UNKNOWNS.index(name)
+    more, less = (
+        describe(posterior, np.zeros(0), output, survey, {name: factor * of.std[place]})
+        for factor in (2.0, 0.5)
+    )
     np.testing.assert_array_equal(less.covariance, found.covariance)
     np.testing.assert_allclose(sum(more.sources.values()), more.covariance, rtol=1e-10)
-    # By voff alone: its influence on the corrections of all lasers, from the dense posterior.
+    # By it alone: its influence on the corrections of all lasers, from the dense posterior.
     influence = between(of, output)[:, [place + k * len(of.std) for k in range(LASERS)]]
     influence = influence.reshape(LASERS, 3, LASERS) / of.std[place]
     expected = 3.0 * influence @ np.swapaxes(influence, 1, 2)
     np.testing.assert_allclose(more.covariance - found.covariance, expected, rtol=1e-7)
+    np.testing.assert_allclose(more.sources[kind] - found.sources[kind], expected, rtol=1e-7)
 
 
 def test_sources_are_those_of_the_dense_computation(monkeypatch):

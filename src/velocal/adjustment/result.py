@@ -219,7 +219,8 @@ class CalibrationSet:
             corrections=np.array([one.corrections for one in results]),
             observed=np.array([len(one.residuals) > 0 for one in results]),
             sources={
-                name: np.array([one.parts.get(name, zero) for one in results]) for name in names
+                name: _symmetric(np.array([one.parts.get(name, zero) for one in results]))
+                for name in names
             },
             quality=tuple(one.quality for one in results),
         )
@@ -381,6 +382,11 @@ class CalibrationSet:
                 f"{weak if self.quality else '-':>17}"
             )
         return "\n".join(lines)
+
+
+def _symmetric(covariance: Array) -> Array:
+    """Matrices without what rounding adds to one of two equal elements, of which one is written."""
+    return np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)))
 
 
 def _std(covariance: Array) -> Array:

@@ -15,8 +15,9 @@ from velocal.io.run_lock import BEGIN, VARIABLE
 
 #: What Snakemake needs to continue after a run that was killed, and to be short.
 OPTIONS = ("--rerun-incomplete", "--show-failed-logs", "--scheduler", "greedy")
-#: What Snakemake need not tell while it computes: about the machine, and why each job runs.
-QUIET = ("--quiet", "host", "reason")
+#: What Snakemake need not tell while it computes: about the machine, why each job runs, and all
+#: files of a job. It still tells which jobs are finished, how many there are, and their errors.
+QUIET = ("--quiet", "host", "reason", "rules")
 #: Options of Snakemake with which nothing is computed.
 DRY = {"-n", "--dry-run", "--dryrun"}
 #: Options that say how much Snakemake tells.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
+from velocal.errors import RecordingError
 from velocal.io import schemas, storage
 from velocal.reduction.medians import binned_medians
 from velocal.scanner.models import Scanner
@@ -29,6 +30,8 @@ def write_medians(
     ------
     StorageError
         If the table of returns cannot be read.
+    RecordingError
+        If there is no median: a study without medians would end with an error that tells less.
     """
     columns, facts = storage.read_table(
         returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
@@ -41,5 +44,11 @@ def write_medians(
         bin_ticks=bin_ticks,
         min_count=min_count,
     )
+    if not len(reduced.laser_id):
+        raise RecordingError(
+            f"there are no medians: no azimuth bin of a laser has {min_count} returns",
+            where=str(returns),
+            hint="Lower `reduction: min_count`, or use more rotations (`windows: rotations`).",
+        )
     facts |= {"cell_ticks": bin_ticks, "min_count": min_count}
     storage.write_table(medians, schemas.MEDIANS, asdict(reduced), **facts)

@@ -355,6 +355,11 @@ def _tables(study: Study, cells: Mapping[str, agreement.Cell]) -> list[dict[str,
         result.append(
             {
                 **vars(table),
+                # Only the study of the paper has tables with the paper's numbers.
+                "heading": f"Table {table.number}"
+                if cells
+                else f"{selection.data.capitalize()} data, {selection.scanner}: "
+                f"{', '.join(selection.samples)}",
                 "rows": rows,
                 "compared": any(row["paper"] for row in rows),
                 "relabelled": any(key[0] == table.number for key in READING) and bool(cells),

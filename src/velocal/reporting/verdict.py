@@ -78,7 +78,7 @@ def _judgement(one: Certificate) -> str:
     if gain is None:
         return f"The calibration could not be judged: {one.verdict}."
     numbers = (
-        f"on what was held out, the residuals of a laser without what all lasers share go from "
+        f"on what was held out, the residuals without the mean of all lasers go from "
         f"{_cm(gain.before_m)} to {_cm(gain.after_m)} cm (gain {_cm(gain.gain_m)} cm, 95 % "
         f"interval {_cm(gain.low_m)} to {_cm(gain.high_m)} cm)"
     )

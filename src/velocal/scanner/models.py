@@ -7,6 +7,7 @@ taken from is said where it stands. Angles are in radians, times in seconds, dis
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -514,9 +515,11 @@ def scanner_named(name: str, *, where: str | None = None) -> Scanner:
     try:
         return SCANNERS[name]
     except KeyError:
+        like = difflib.get_close_matches(name.upper(), SCANNERS, n=1)
+        series = "An HDL-64E of the first series is HDL-64E-S1; S2 is HDL-64E."
         raise ConfigError(
             f"unknown scanner {name!r}",
             where=where,
             allowed=", ".join(SCANNERS),
-            hint="An HDL-64E of the first series is HDL-64E-S1; S2 is HDL-64E.",
+            hint=f"Did you mean {like[0]!r}?" if like else series,
         ) from None

@@ -17,6 +17,12 @@ from velocal.study.study import Study
 
 #: Seconds that the time of a file may be ahead, as clocks of servers are.
 AHEAD_S = 1.0
+#: Where a study says which targets it needs, by the column of the survey file.
+_NAMED_IN = {
+    "plane": "`assignment: planes`",
+    "scanner": "the sample table",
+    "position": "the sample table",
+}
 
 
 def given_files(study: Study) -> dict[str, str]:
@@ -135,7 +141,8 @@ def _check_targets(key: str, path: str, column: str, wanted: Iterable[str]) -> N
                 f"{key}: there is no target of {column} {name!r}",
                 where=path,
                 allowed=", ".join(found) or None,
-                hint="Write the surveyed targets into this file, below its heading.",
+                hint="Write the surveyed targets into this file, below its heading, or correct the "
+                f"name in {_NAMED_IN[column]}.",
             )
 
 

@@ -321,7 +321,9 @@ def _check_scanners(study: Study, where: str) -> None:
     for scanner in study.scanners:
         if not study.candidates(scanner):
             raise ConfigError(
-                f"neither calibrations nor parameter_sets has {scanner!r}", where=where
+                f"neither calibrations nor parameter_sets has {scanner!r}",
+                where=where,
+                hint="Add its samples to `calibrations`, or correct the sample table.",
             )
 
 

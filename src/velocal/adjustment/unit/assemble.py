@@ -72,8 +72,13 @@ def assemble(
     total = prior.copy()
     total += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
-    # What the data do not decide stays with the mean of the unit.
-    held = determined < settings.hold_below
+    # What the data do not decide stays with the mean of the unit. If this mean is known less well
+    # than the lasers differ from each other, its variance is not a matter of a single laser.
+    in_common = root.mean(axis=0)
+    of_mean = (in_common**2).sum(axis=-1)
+    about_mean = variance - (root**2).sum(axis=-1) + ((root - in_common) ** 2).sum(axis=-1)
+    share = np.maximum(determined, 1.0 - about_mean / prior)
+    held = np.where(of_mean > prior, share, determined) < settings.hold_below
     # Errors of voff are not corrected: what they explain must not be what the others follow.
     known = covariance - sources["offsets"]
     corrections, back = hold(corrections, known, means, total, held)

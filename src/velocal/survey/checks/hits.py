@@ -262,7 +262,7 @@ def explain(
     Explanation or None
         None if no alternative explains three quarters of the beams.
     """
-    tried = beams[np.arange(0, len(beams), -(-len(beams) // _TRIED))]
+    tried = beams[np.arange(0, len(beams), -(-len(beams) // _TRIED) or 1)]
 
     def score(patches: Sequence[Patch]) -> tuple[float, int]:
         """Share of the beams that fit, and how many more fit than do not."""

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.certificate import Certificate
+from velocal.evaluation.interior_map import clouds
 from velocal.evaluation.statistics import KEYS
 from velocal.io import schemas, storage
 from velocal.io.plain import from_plain
@@ -17,7 +18,7 @@ from velocal.io.scripts import run
 from velocal.paper.agreement import unexpected
 from velocal.paper.printed import known_misses
 from velocal.reporting import report
-from velocal.reporting.interactive import SampleMap
+from velocal.reporting.interactive import Interior, SampleMap
 from velocal.reporting.style import for_page
 from velocal.scanner.models import scanner_named
 from velocal.study.figures import Figure, Table
@@ -48,6 +49,12 @@ def _map(table: Path, png: Path, surveys: Mapping[str, Any]) -> SampleMap:
     )
 
 
+def _interior(path: Path) -> Interior:
+    """Points of the map of the interior."""
+    columns, facts = storage.read_table(path, schemas.MAP)
+    return Interior(columns["position"], facts["positions"], facts["scanners_m"], clouds(columns))
+
+
 def main(
     *,
     ledgers: list[Path],
@@ -59,6 +66,7 @@ def main(
     checks: Path | None,
     maps: list[Path],
     map_pictures: list[Path],
+    interior: Path | None,
     sets: list[Path],
     exports: list[Path],
     pictures: list[Path],
@@ -133,6 +141,7 @@ def main(
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
         maps=[_map(table, png, surveyed) for table, png in zip(maps, map_pictures, strict=True)],
+        interior=_interior(interior) if interior else None,
         certificates=[
             from_plain(Certificate, each, str(certificate))
             for each in storage.read_json(certificate)["certificates"]

@@ -323,7 +323,15 @@ def test_script_reads_what_is_there(tmp_path):
         "outdoor_numbers": [],
     }
     files |= dict.fromkeys(
-        ("certificate", "methods_csv", "methods_png", "field_table", "outdoor", "claims")
+        (
+            "certificate",
+            "methods_csv",
+            "methods_png",
+            "field_table",
+            "outdoor",
+            "claims",
+            "interior",
+        )
     )
     common = {"title": "t", "simulated": True, "rotations": 330, "tables": TABLES}
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}

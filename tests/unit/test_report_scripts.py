@@ -26,6 +26,15 @@ STUDY = report.Study(
     factories={"HDL-32E": nominal(SCANNERS["HDL-32E"])},
     certificates=[certificate()],
     maps=[sample_map()],
+    interior=interactive.Interior(
+        np.arange(40_000) % 2,
+        ["M1", "M2"],
+        [[1.0, 2.0, 0.5], [3.0, 2.0, 0.5]],
+        {
+            state: np.random.default_rng(0).uniform(0.0, size, (40_000, 3))
+            for state, size in (("factory", 5.0), ("refined", 4.0))
+        },
+    ),
 )
 #: Notes what goes wrong, works on the page as a person would, and puts what it found in its title.
 PROBE = """
@@ -58,12 +67,23 @@ const colours = (canvas) => {
   return new Set(Array.from(data, (_, i) => i % 4 ? 0 : data.slice(i, i + 4).join())).size;
 };
 const maps = [...document.querySelectorAll(".map canvas")].map(colours);
-const scene = document.querySelector(".scene canvas"), before = scene.toDataURL();
-scene.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
-const turned = scene.toDataURL() !== before;
+const scenes = [...document.querySelectorAll(".scene canvas")];
+const changed = (canvas, work) => {
+  const before = canvas.toDataURL();
+  work();
+  return canvas.toDataURL() !== before;
+};
+const key = new KeyboardEvent("keydown", {key: "ArrowLeft"});
+const turned = scenes.map((each) => changed(each, () => each.dispatchEvent(key)));
+const state = document.querySelector(".interior select");
+const compared = changed(scenes[1], () => {
+  state.value = "after";
+  state.dispatchEvent(new Event("change"));
+});
 const asked = performance.getEntriesByType("resource");
 document.title = JSON.stringify({
-  errors, rising, falling, how, plots, heading, unseen, maps, scene: colours(scene), turned,
+  errors, rising, falling, how, plots, heading, unseen, maps, scenes: scenes.map(colours), turned,
+  compared,
   requests: asked.filter(one => !one.name.startsWith("data:")).length,
   wider: document.documentElement.scrollWidth - document.documentElement.clientWidth,
 });
@@ -111,13 +131,14 @@ def test_page_works_in_a_browser(tmp_path, chromium, width):
     assert "No surveyed plane was seen by this laser." in found["unseen"]
     before, after = found["maps"]
     assert before > after > 3
-    assert found["scene"] > 20
-    assert found["turned"]
+    assert min(found["scenes"]) > 20
+    assert found["compared"]
+    assert found["turned"] == [True, True]
     assert found["wider"] <= 0
 
 
 def test_without_maps_nothing_is_drawn(tmp_path):
-    page = report.render(replace(STUDY, maps=[]))
+    page = report.render(replace(STUDY, maps=[], interior=None))
     assert 'class="map"' not in page
     assert 'class="scene"' not in page
     assert 'id="maps"' not in page

@@ -84,6 +84,7 @@ rule write_report:
         checks=CHECKS if STUDY.surveyed else [],
         maps=expand(f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=MAPPED),
         map_pictures=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=MAPPED),
+        interior=f"{RESULTS}/map/points.parquet" if MAPS else [],
         sets=expand("{path}.csv", path=SETS),
         exports=expand("{path}.exports.csv", path=SETS),
         factories=list(STUDY.factory_files.values()),

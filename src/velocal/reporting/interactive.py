@@ -50,6 +50,54 @@ class SampleMap:
     png: bytes
 
 
+#: Points of an interior that a page holds.
+INTERIOR_POINTS = 15_000
+
+
+@dataclass(frozen=True)
+class Interior:
+    """Points of an interior with both calibrations, for the page.
+
+    Attributes
+    ----------
+    position : ndarray of int, shape (n,)
+        Number of the position from which a point was seen.
+    positions : sequence of str
+        Names of the positions.
+    scanners_m : sequence of sequence of float
+        Where the scanner stood at each, metres.
+    xyz : mapping of str to ndarray, shape (n, 3)
+        Points by calibration, ``factory`` and ``refined``, metres.
+    """
+
+    position: NDArray[np.integer]
+    positions: Sequence[str]
+    scanners_m: Sequence[Sequence[float]]
+    xyz: Mapping[str, NDArray[np.float64]]
+
+    @property
+    def shown(self) -> int:
+        """Number of points that the page holds."""
+        return len(self.position[self._some])
+
+    @property
+    def _some(self) -> slice:
+        return slice(None, None, max(1, -(-len(self.position) // INTERIOR_POINTS)))
+
+    def packed(self) -> dict[str, Any]:
+        """Some of the points, evenly out of all, for `payload`."""
+        every = self._some
+        return {
+            "position": packed(self.position[every], 1, "<u1"),
+            "positions": list(self.positions),
+            "scanners": np.round(np.asarray(self.scanners_m), 3).tolist(),
+            **{
+                state: [packed(column, COORDINATE_M, "<i2") for column in xyz[every].T]
+                for state, xyz in self.xyz.items()
+            },
+        }
+
+
 def packed(values: NDArray[Any], unit: float, type_: str) -> str:
     """Integers of a column in base64; values that do not fit are cut to the largest that do.
 
@@ -72,12 +120,13 @@ def packed(values: NDArray[Any], unit: float, type_: str) -> str:
     return base64.b64encode(whole.astype(type_).tobytes()).decode("ascii")
 
 
-def payload(maps: Sequence[SampleMap]) -> str:
+def payload(maps: Sequence[SampleMap], interior: Interior | None = None) -> str:
     """Content of the element of data of the page.
 
     Parameters
     ----------
     maps : sequence of SampleMap
+    interior : Interior, optional
 
     Returns
     -------
@@ -107,4 +156,6 @@ def payload(maps: Sequence[SampleMap]) -> str:
         "coordinate_m": COORDINATE_M,
         "samples": samples,
     }
+    if interior is not None:
+        content["interior"] = interior.packed()
     return json.dumps(content, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")

@@ -1,6 +1,6 @@
 "use strict";
-// What the report can do with scripts: sorted tables, details of a laser, maps of residuals, and
-// the planes in space. Without scripts the page shows the same numbers in tables and pictures.
+// What the report can do with scripts: sorted tables, details of a laser, maps of residuals, the
+// planes and an interior in space. Without scripts the page shows the same numbers in tables and pictures.
 (function () {
   const root = document.documentElement;
   const holder = document.getElementById("maps");
@@ -316,20 +316,86 @@
 
   // Planes and points in space --------------------------------------------------------------------
 
-  function scene(holder) {
-    const limit = Number(holder.dataset.limitMm), samples = samplesOf(holder.dataset.scanner);
+  // A canvas that can be turned; `draw` gets its context, its size, and what projects a point
+  // (x, y, z) to (right, down, away) for points between `low` and `high`.
+  function turnable(holder, label, draw) {
     const canvas = document.createElement("canvas");
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "Planes and points in space. Arrow keys turn the view, plus and minus change its size, 0 resets it.");
+    canvas.setAttribute("aria-label", `${label} Arrow keys turn the view, plus and minus change its size, 0 resets it.`);
+    holder.append(canvas);
+    const initial = { turn: -0.7, lift: 0.5, size: 1 };
+    const view = { ...initial };
+
+    function redraw() {
+      const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+      if (!width) return;
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+      const context = canvas.getContext("2d");
+      context.scale(ratio, ratio);
+      const [ct, st, cl, sl] = [Math.cos(view.turn), Math.sin(view.turn), Math.cos(view.lift), Math.sin(view.lift)];
+      const projection = (low, high) => {
+        const middle = low.map((value, axis) => (value + high[axis]) / 2);
+        const extent = Math.hypot(...high.map((value, axis) => value - low[axis])) || 1;
+        const scale = (view.size * Math.min(width, height * 1.6)) / extent;
+        return (x, y, z) => {
+          const [a, b, c] = [x - middle[0], y - middle[1], z - middle[2]];
+          const right = ct * a - st * b, away = st * a + ct * b;
+          return [width / 2 + scale * right, height / 2 - scale * (cl * c + sl * away), cl * away - sl * c];
+        };
+      };
+      draw(context, projection);
+    }
+
+    let grip = null;
+    canvas.addEventListener("pointerdown", (event) => { grip = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!grip) return;
+      view.turn += (event.clientX - grip[0]) * 0.008;
+      view.lift = Math.min(1.57, Math.max(-0.3, view.lift + (event.clientY - grip[1]) * 0.008));
+      grip = [event.clientX, event.clientY];
+      redraw();
+    });
+    canvas.addEventListener("pointerup", () => { grip = null; });
+    canvas.addEventListener("pointercancel", () => { grip = null; });
+    canvas.addEventListener("keydown", (event) => {
+      const change = { ArrowLeft: ["turn", -0.1], ArrowRight: ["turn", 0.1], ArrowUp: ["lift", 0.1], ArrowDown: ["lift", -0.1] }[event.key];
+      if (change) view[change[0]] += change[1];
+      else if (event.key === "+" || event.key === "=") view.size *= 1.15;
+      else if (event.key === "-") view.size /= 1.15;
+      else if (event.key === "0") Object.assign(view, initial);
+      else return;
+      event.preventDefault();
+      redraw();
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+    new ResizeObserver(redraw).observe(canvas);
+    redraw();
+    return redraw;
+  }
+
+  function choice(label, options) {
+    const select = document.createElement("select");
+    select.setAttribute("aria-label", label);
+    select.append(...options.map(([value, text]) => new Option(text, value)));
+    return select;
+  }
+
+  const STATES = [["before", "with the factory's values"], ["after", "with the calibration"]];
+
+  function named(context, projection, place, text) {
+    const [x, y] = projection(...place);
+    context.beginPath(); context.arc(x, y, 4, 0, 2 * Math.PI); context.fill();
+    context.fillText(text, x + 7, y + 4);
+  }
+
+  function scene(holder) {
+    const limit = Number(holder.dataset.limitMm), samples = samplesOf(holder.dataset.scanner);
     const controls = document.createElement("p");
     controls.className = "controls";
-    const sampleSelect = document.createElement("select");
-    sampleSelect.setAttribute("aria-label", "Recording");
-    sampleSelect.append(...samples.map((one, i) => new Option(`${one.sample} at ${one.position}`, i)));
-    const stateSelect = document.createElement("select");
-    stateSelect.setAttribute("aria-label", "Calibration");
-    stateSelect.append(new Option("with the factory's values", "before"), new Option("with the calibration", "after"));
+    const sampleSelect = choice("Recording", samples.map((one, i) => [i, `${one.sample} at ${one.position}`]));
+    const stateSelect = choice("Calibration", STATES);
     const factor = document.createElement("input");
     Object.assign(factor, { type: "range", min: 0, max: 50, value: 10 });
     factor.setAttribute("aria-label", "Factor of the residuals");
@@ -337,18 +403,10 @@
     const label = document.createElement("label");
     label.append("residuals enlarged ", factor, said);
     controls.append(sampleSelect, " ", stateSelect, " ", label);
-    holder.append(controls, canvas);
-    const initial = { turn: -0.7, lift: 0.5, size: 1 };
-    const view = { ...initial };
+    holder.append(controls);
 
-    function draw() {
-      const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-      if (!width) return;
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
+    function draw(context, projection) {
       said.textContent = ` ${factor.value} times`;
-      const context = canvas.getContext("2d");
-      context.scale(ratio, ratio);
       const one = samples[Number(sampleSelect.value)], n = one.laser.length;
       const places = new Float64Array(3 * n);
       const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -364,20 +422,12 @@
           places[3 * i + axis] = p[axis] * (1 + shift / length);
         }
       }
-      const middle = low.map((value, axis) => (value + high[axis]) / 2);
-      const extent = Math.hypot(...high.map((value, axis) => value - low[axis])) || 1;
-      const scale = (view.size * Math.min(width, height * 1.6)) / extent;
-      const [ct, st, cl, sl] = [Math.cos(view.turn), Math.sin(view.turn), Math.cos(view.lift), Math.sin(view.lift)];
-      const project = (x, y, z) => {
-        const [a, b, c] = [x - middle[0], y - middle[1], z - middle[2]];
-        const right = ct * a - st * b, away = st * a + ct * b;
-        return [width / 2 + scale * right, height / 2 - scale * (cl * c + sl * away), cl * away - sl * c];
-      };
+      const project = projection(low, high);
       const ordered = Array.from({ length: n }, (_, i) => [i, ...project(places[3 * i], places[3 * i + 1], places[3 * i + 2])]);
       ordered.sort((a, b) => b[3] - a[3]);
       context.strokeStyle = style("--soft");
       context.fillStyle = style("--panel");
-      one.corners.forEach((corners, i) => {
+      one.corners.forEach((corners) => {
         if (!corners.length) return;
         context.beginPath();
         corners.forEach((corner, j) => { const [x, y] = project(...corner); j ? context.lineTo(x, y) : context.moveTo(x, y); });
@@ -397,38 +447,46 @@
         const [x, y] = project(...centre);
         context.fillText(one.planes[i], x + 4, y);
       });
-      const [x, y] = project(0, 0, 0);
-      context.beginPath(); context.arc(x, y, 4, 0, 2 * Math.PI); context.fill();
-      context.fillText("scanner", x + 7, y + 4);
+      named(context, project, [0, 0, 0], "scanner");
     }
 
-    let grip = null;
-    canvas.addEventListener("pointerdown", (event) => { grip = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!grip) return;
-      view.turn += (event.clientX - grip[0]) * 0.008;
-      view.lift = Math.min(1.57, Math.max(-0.3, view.lift + (event.clientY - grip[1]) * 0.008));
-      grip = [event.clientX, event.clientY];
-      draw();
-    });
-    canvas.addEventListener("pointerup", () => { grip = null; });
-    canvas.addEventListener("pointercancel", () => { grip = null; });
-    canvas.addEventListener("keydown", (event) => {
-      const change = { ArrowLeft: ["turn", -0.1], ArrowRight: ["turn", 0.1], ArrowUp: ["lift", 0.1], ArrowDown: ["lift", -0.1] }[event.key];
-      if (change) view[change[0]] += change[1];
-      else if (event.key === "+" || event.key === "=") view.size *= 1.15;
-      else if (event.key === "-") view.size /= 1.15;
-      else if (event.key === "0") Object.assign(view, initial);
-      else return;
-      event.preventDefault();
-      draw();
-    });
-    for (const control of [sampleSelect, stateSelect]) control.addEventListener("change", draw);
-    factor.addEventListener("input", draw);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-    new ResizeObserver(draw).observe(canvas);
-    draw();
+    const redraw = turnable(holder, "Planes and points in space.", draw);
+    for (const control of [sampleSelect, stateSelect]) control.addEventListener("change", redraw);
+    factor.addEventListener("input", redraw);
   }
-  document.querySelectorAll(".scene").forEach((holder) => { if (samplesOf(holder.dataset.scanner).length) scene(holder); });
+
+  function interior(holder) {
+    const room = data.interior, position = decoded(room.position, Uint8Array), n = position.length;
+    const clouds = Object.fromEntries([["before", "factory"], ["after", "refined"]].map(([state, name]) => [state, room[name].map((column) => decoded(column, Int16Array))]));
+    const colours = ["#4477aa", "#ee6677", "#228833", "#aa8800", "#66ccee", "#aa3377"];
+    const controls = document.createElement("p");
+    controls.className = "controls";
+    const stateSelect = choice("Calibration", STATES);
+    controls.append(stateSelect);
+    holder.append(controls);
+    // The same view of both clouds.
+    const low = clouds.before.map((column) => column.reduce((a, b) => Math.min(a, b)) * data.coordinate_m);
+    const high = clouds.before.map((column) => column.reduce((a, b) => Math.max(a, b)) * data.coordinate_m);
+
+    function draw(context, projection) {
+      const [x, y, z] = clouds[stateSelect.value], project = projection(low, high);
+      const ordered = Array.from({ length: n }, (_, i) => [i, ...project(x[i] * data.coordinate_m, y[i] * data.coordinate_m, z[i] * data.coordinate_m)]);
+      ordered.sort((a, b) => b[3] - a[3]);
+      for (const [i, right, down] of ordered) {
+        context.fillStyle = colours[position[i] % colours.length];
+        context.fillRect(right - 0.7, down - 0.7, 1.4, 1.4);
+      }
+      context.fillStyle = style("--text");
+      context.font = "12px system-ui, sans-serif";
+      room.scanners.forEach((place, i) => named(context, project, place, room.positions[i]));
+    }
+
+    stateSelect.addEventListener("change", turnable(holder, "Points of the interior in space.", draw));
+  }
+
+  document.querySelectorAll(".scene").forEach((holder) => {
+    if (holder.classList.contains("interior")) interior(holder);
+    else if (samplesOf(holder.dataset.scanner).length) scene(holder);
+  });
   root.dataset.drawn = "true";
 })();

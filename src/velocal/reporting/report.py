@@ -25,7 +25,7 @@ from velocal.paper.printed import CONTRADICTIONS, LABELS, READING, TOLERANCES, p
 from velocal.paper.tables import DECIMALS, ROMAN, STATISTICS, build, formatted
 from velocal.reporting.captions import caption, outdoor_caption
 from velocal.reporting.figures import methods, panels
-from velocal.reporting.interactive import SampleMap, payload
+from velocal.reporting.interactive import Interior, SampleMap, payload
 from velocal.reporting.templates import environment, fixed
 from velocal.reporting.verdict import laser_note, verdict
 from velocal.scanner.models import scanner_named
@@ -159,6 +159,8 @@ class Study:
         Of the calibrations of units.
     maps : sequence of SampleMap
         Residuals of every surveyed sample along the azimuth.
+    interior : Interior or None
+        Points of the map of an interior.
     methods : DataFrame or None
         Numbers of the comparison of methods.
     methods_png : bytes
@@ -189,6 +191,7 @@ class Study:
     unit_drifts: Mapping[str, bytes] = field(default_factory=dict)
     certificates: Sequence[Certificate] = ()
     maps: Sequence[SampleMap] = ()
+    interior: Interior | None = None
     methods: pd.DataFrame | None = None
     methods_png: bytes = b""
     outdoor: pd.DataFrame | None = None
@@ -219,7 +222,7 @@ def render(study: Study) -> str:
         "verdicts": [verdict(one, study.summary) for one in study.certificates],
         "lasers": [_lasers(one, study) for one in study.certificates],
         "step_deg": STEP_DEG,
-        "payload": payload(study.maps) if study.maps else "",
+        "payload": payload(study.maps, study.interior) if study.maps or study.interior else "",
         "agreement": agreement.counts(cells),
         "unexpected": study.unexpected,
         "statements": agreement.statements_of(cells),

@@ -2,6 +2,8 @@
 
 Usage: python benchmarks/speed.py [--write] [--only NAME ...] [--rounds N] [--rotations N]
 
+Only `--only five_minutes` runs the study with recordings of five minutes: ten minutes, 7 GB.
+
 `make bench` installs the other programs, measures everything and writes the tables and the figure
 of docs/performance.md. Without one of them, its rows say that it is missing.
 """
@@ -24,6 +26,7 @@ from speed_decoding import decoding
 from speed_measure import ROOT, Measures, Recorded, machine, recorded, table
 from speed_scale import draw, measured, scaling
 from speed_tables import adjustment, medians, parquet, points
+from speed_workflow import workflow
 
 from velocal.io.markup import inserted
 
@@ -120,8 +123,10 @@ def main() -> None:
             "adjustment": lambda: adjustment(max(given.rounds - 2, 1)),
             "starts": lambda: starts(folder, given.rounds),
             "scaling": scale,
+            "workflow": lambda: workflow(folder, "recordings of 33 s"),
+            "five_minutes": lambda: workflow(folder, "recordings of five minutes"),
         }
-        for section in given.only or sections:
+        for section in given.only or [name for name in sections if name != "five_minutes"]:
             texts[section] = sections[section]()
             print(f"## {section}\n\n{texts[section]}\n", flush=True)
     if given.write:

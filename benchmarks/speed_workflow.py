@@ -54,9 +54,11 @@ def run(folder: Path, what: str, cores: int) -> Ran:
     files = ["--configfile", "config/config.yaml", *settings] if settings else []
     command = [sys.executable, "-m", "velocal", "run", "--cores", str(cores), *files]
     start, before = time.monotonic(), _children()
-    subprocess.run(
-        command, cwd=place, env=environment(place), stdout=subprocess.DEVNULL, check=True
+    done = subprocess.run(
+        command, cwd=place, env=environment(place), capture_output=True, text=True
     )
+    if done.returncode:
+        sys.exit(done.stderr[-4000:])
     clock_s, processor_s = time.monotonic() - start, _children() - before
     files_left = [each for each in (place / results).rglob("*") if each.is_file()]
     return Ran(
@@ -99,7 +101,7 @@ def workflow(folder: Path, what: str, cores: int = 2) -> str:
             f"Most processor time: {longest}.",
             f"A job of one sample takes {each / len(own):.1f} s on average, its {len(own)} jobs "
             f"{each:.1f} s together: {LARGE * each / 60:.0f} minutes of processor time for {LARGE} "
-            f"samples. All other jobs would take {LARGE * rest / 60:.0f} minutes at most: if "
-            "they grew in proportion, which pictures, tables and simulated scenes do not.",
+            f"samples. All other jobs would take {LARGE * rest / 60:.0f} minutes if "
+            "they grew in proportion, but pictures, tables and simulated scenes do not.",
         ]
     )

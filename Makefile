@@ -39,8 +39,8 @@ results: $(INSTALLED) ## run the study: tables, figures, parameter sets and repo
 
 # Recordings and results together need this space; what an earlier run left there is already counted.
 PAPER_GB := 7
-paper: $(INSTALLED) ## run the study with recordings of five minutes in results-paper/: 7 GB, ten minutes
-	@echo "The recordings of five minutes and the results need about $(PAPER_GB) GB in results-paper/, and about ten minutes on two cores."
+paper: $(INSTALLED) ## run the study with recordings of five minutes in results-paper/: 7 GB, five minutes
+	@echo "The recordings of five minutes and the results need about $(PAPER_GB) GB in results-paper/, and about five minutes on two cores."
 	@$(BIN)/python -c 'import pathlib, shutil, sys; \
 	    there = sum(p.stat().st_size for p in pathlib.Path("results-paper").rglob("*") if p.is_file()); \
 	    free = (shutil.disk_usage(".").free + there) / 1e9; \

@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/speed.py [--write] [--only NAME ...] [--rounds N] [--rotations N]
 
-Only `--only five_minutes` runs the study with recordings of five minutes: ten minutes, 7 GB.
+Only `--only five_minutes` runs the study with recordings of five minutes, 7 GB of files.
 
 `make bench` installs the other programs, measures everything and writes the tables and the figure
 of docs/performance.md. Without one of them, its rows say that it is missing.

@@ -69,6 +69,8 @@ class PcapNg:
             limit = min(framing.CHUNK_BYTES, stop - position, len(data))
             parts: list[_Columns] = []
             rows: list[_Row] = []
+            # Runs of packets between damage are taken together: a run may be short.
+            runs: list[NDArray[np.int64]] = []
             here = 0
             while here < limit:
                 places, here = _walk(data, here, limit, section.order)
@@ -76,7 +78,7 @@ class PcapNg:
                     if rows:
                         parts.append(_columns(rows))
                         rows = []
-                    parts.append(_packets(data, places, section))
+                    runs.append(places)
                     continue
                 length = _block_length(data, here, section.order)
                 if length is None:
@@ -84,6 +86,9 @@ class PcapNg:
                     ledger.reject(reason, 1, skipped)
                     here += skipped
                     continue
+                if runs:  # the block may change what packets mean
+                    parts.append(_packets(data, np.concatenate(runs), section))
+                    runs = []
                 row = _read_block(data, here, length, section)
                 if row is None:
                     ledger.framing_bytes += length
@@ -92,6 +97,8 @@ class PcapNg:
                 here += length
             if rows:
                 parts.append(_columns(rows))
+            if runs:
+                parts.append(_packets(data, np.concatenate(runs), section))
             if parts:
                 yield datagrams.payloads(_frames(data, parts), position, position + here)
             ended = here >= len(data)

@@ -10,7 +10,7 @@ import sqlite3
 import stat
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,21 @@ def is_bag(head: bytes) -> bool:
 def is_scan(topic: Topic) -> bool:
     """Whether the messages of a topic are scans of a Velodyne scanner, of whatever package."""
     return topic.type.rpartition("/")[2] == "VelodyneScan"
+
+
+def by_name(counts: Mapping[Topic, int], wanted: Callable[[Topic], bool]) -> Counter[str]:
+    """Count the messages of the topics that are wanted, by the name of the topic."""
+    found: Counter[str] = Counter()
+    for topic, n in counts.items():
+        if wanted(topic):
+            found[topic.name] += n
+    return found
+
+
+def contents(counts: Mapping[Topic, int]) -> str:
+    """Write what messages a bag holds, for errors."""
+    types = {f"{topic.name} of type {topic.type}": n for topic, n in counts.items()}
+    return f"it holds {listed(types, 'messages') if types else 'no messages'}"
 
 
 def files(path: Path) -> list[Path]:
@@ -128,15 +143,11 @@ def topic_of_scanner(path: Path, address: str | None, meant: str, *, port: bool)
         If no topic could be meant, or several.
     """
     counts = topics(path)
-    scans: Counter[str] = Counter()
-    for topic, n in counts.items():
-        if is_scan(topic):
-            scans[topic.name] += n
+    scans = by_name(counts, is_scan)
     if not scans:
-        types = {f"{topic.name} of type {topic.type}": n for topic, n in counts.items()}
         parts = (part for file in files(path) for part in messages(file))
         damage = Counter(part.reason for part in parts if isinstance(part, Unusable))
-        what = f"it holds {listed(types, 'messages') if types else 'no messages'}"
+        what = contents(counts)
         what += "".join(f"; {reason} ({n})" for reason, n in damage.items())
         hint = "Record the topic /velodyne_packets."
         if any(topic.type.rpartition("/")[2] in _CLOUDS for topic in counts):

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from velocal.capture import rosbag
 from velocal.capture.bag_message import Message, Topic, Unusable, unpacked
-from velocal.capture.source import listed
 from velocal.clouds.packed import MOST_FIELDS, ROW_BYTES
 from velocal.errors import RecordingError
 
@@ -85,15 +84,10 @@ def topic_of_cloud(path: Path, topic: str | None) -> str:
         If no topic could be meant, or several.
     """
     counts = rosbag.topics(path)
-    found: Counter[str] = Counter()
-    for each, number in counts.items():
-        if is_cloud(each):
-            found[each.name] += number
+    found = rosbag.by_name(counts, is_cloud)
     if not found:
-        types = Counter({f"{each.name} of type {each.type}": n for each, n in counts.items()})
         raise RecordingError(
-            "is a ROS bag without messages of type PointCloud2; it holds "
-            + (listed(types, "messages") if types else "no messages"),
+            f"is a ROS bag without messages of type PointCloud2; {rosbag.contents(counts)}",
             where=str(path),
             hint="Record the topic of the points, such as /velodyne_points.",
         )

@@ -33,7 +33,7 @@ from velocal.evaluation.unsurveyed import (
     unsurveyed_settings,
 )
 from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
-from velocal.reduction.medians import binned_medians
+from velocal.reduction.medians import medians_of
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 from velocal.scanner.parameters import LaserParameters, nominal
@@ -41,7 +41,7 @@ from velocal.study.adjustment import Adjustment
 from velocal.study.planes import PlaneSearch
 from velocal.survey.station import Station
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it imports pandas
     from velocal.evaluation.stability import BinsOnPlanes
 
 
@@ -307,13 +307,7 @@ def observe_again(
     Observations
         Planes have the numbers that they have in `bins`.
     """
-    reduced = binned_medians(
-        *(returns[column] for column in ("azimuth", "laser_id", "distance")),
-        lasers_per_firing=scanner.lasers_per_firing,
-        bin_ticks=bins.ticks,
-        min_count=bins.min_count,
-    )
-    medians = asdict(reduced)
+    medians = asdict(medians_of(returns, scanner, bin_ticks=bins.ticks, min_count=bins.min_count))
     rows, plane = bins.rows_of(medians)
     cloud = points_of(Beams.from_ticks(medians, scanner, rate_hz), factory, near_points)
     return Observations(
@@ -410,10 +404,10 @@ def calibrate_without_survey(
     >>> found.hold_out.by
     'plane'
     """
-    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
-    parameters = nominal(known) if factory is None else factory
     from velocal.evaluation.plane_search import find_planes  # here: scipy.spatial is slow to import
 
+    known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
+    parameters = nominal(known) if factory is None else factory
     how = Search.from_config(search or PlaneSearch.recommended())
     seen = []
     for number, beams in enumerate(recordings):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from velocal.errors import RecordingError
 from velocal.io import schemas, storage
-from velocal.reduction.medians import binned_medians
+from velocal.reduction.medians import medians_of
 from velocal.scanner.models import Scanner
 
 
@@ -36,14 +36,7 @@ def write_medians(
     columns, facts = storage.read_table(
         returns, schemas.RETURNS, ["azimuth", "laser_id", "distance"]
     )
-    reduced = binned_medians(
-        columns["azimuth"],
-        columns["laser_id"],
-        columns["distance"],
-        lasers_per_firing=scanner.lasers_per_firing,
-        bin_ticks=bin_ticks,
-        min_count=min_count,
-    )
+    reduced = medians_of(columns, scanner, bin_ticks=bin_ticks, min_count=min_count)
     if not len(reduced.laser_id):
         raise RecordingError(
             f"there are no medians: no azimuth bin of a laser has {min_count} returns",

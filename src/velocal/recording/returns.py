@@ -22,7 +22,7 @@ from velocal.packets.dual import check_choice
 from velocal.packets.firings import decode
 from velocal.recording.rotation_index import RotationIndex
 from velocal.recording.windows import read_rotations
-from velocal.reduction.medians import binned_medians
+from velocal.reduction.medians import medians_of
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 
@@ -115,14 +115,8 @@ class Returns:
         VelocalError
             If the bins do not divide the turn.
         """
-        reduced = binned_medians(
-            self.azimuth,
-            self.laser_id,
-            self.distance,
-            lasers_per_firing=self.scanner.lasers_per_firing,
-            bin_ticks=self.scanner.azimuth_bin(azimuth_bin_deg),
-            min_count=min_count,
-        )
+        bin_ticks = self.scanner.azimuth_bin(azimuth_bin_deg)
+        reduced = medians_of(self.columns(), self.scanner, bin_ticks=bin_ticks, min_count=min_count)
         return Beams.from_ticks(asdict(reduced), self.scanner, self.rotation_rate_hz)
 
     def columns(self) -> dict[str, NDArray[Any]]:

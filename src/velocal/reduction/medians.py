@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
 from velocal.errors import VelocalError
-from velocal.scanner.models import AZIMUTH_TICKS
+from velocal.scanner.models import AZIMUTH_TICKS, Scanner
 
 #: Quartiles of a normal distribution lie this many standard deviations apart.
 QUARTILES_PER_STD = 1.3489795
@@ -38,6 +40,32 @@ class Medians:
     distance: NDArray[np.float32]
     spread: NDArray[np.float32]
     count: NDArray[np.uint16]
+
+
+def medians_of(
+    returns: Mapping[str, NDArray[Any]], scanner: Scanner, *, bin_ticks: int, min_count: int
+) -> Medians:
+    """Reduce a table of returns; see `binned_medians`.
+
+    Parameters
+    ----------
+    returns : mapping of str to ndarray
+        Columns ``azimuth``, ``laser_id`` and ``distance`` of `schemas.RETURNS`.
+    scanner : Scanner
+    bin_ticks, min_count : int
+
+    Returns
+    -------
+    Medians
+    """
+    return binned_medians(
+        returns["azimuth"],
+        returns["laser_id"],
+        returns["distance"],
+        lasers_per_firing=scanner.lasers_per_firing,
+        bin_ticks=bin_ticks,
+        min_count=min_count,
+    )
 
 
 def binned_medians(

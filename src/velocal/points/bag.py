@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.calibration.rings import orders
 from velocal.io.output import new_file, writing
 from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import nominal
@@ -129,7 +130,5 @@ def bag(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iterator[
 
 def rings(scanner: str) -> NDArray[np.uint16]:
     """Ring of every laser: its place among all, from the lowest nominal vertical angle up."""
-    order = np.argsort(nominal(scanner_named(scanner)).v, kind="stable")
-    ring = np.empty(len(order), dtype=np.uint16)
-    ring[order] = np.arange(len(order))
-    return ring
+    laser_of_ring = orders(nominal(scanner_named(scanner)).v)["from the lowest up"]
+    return np.argsort(laser_of_ring).astype(np.uint16)

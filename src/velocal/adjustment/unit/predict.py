@@ -19,7 +19,7 @@ from velocal.adjustment.unit.expected import ExpectedPopulation
 from velocal.adjustment.unit.model import UNKNOWNS, about_scanner, linearise
 from velocal.adjustment.unit.noise import Noise
 from velocal.adjustment.unit.population import Integrated, find_mode, integrate
-from velocal.adjustment.unit.result import UnitCalibration
+from velocal.adjustment.unit.result import NORMAL_95, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.stage import Stage, make_stage
 from velocal.adjustment.unit.station import UnitStation, azimuth_bins
@@ -27,8 +27,6 @@ from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
 
-#: Quantile of 95 % of a normal distribution.
-_NORMAL_95 = 1.644854
 #: Places, in standard deviations, and weights of the average over a normal distribution (Gauss and
 #: Hermite).
 _PLACES, _WEIGHTS = np.sqrt(3.0) * np.array([0.0, 1.0, -1.0]), np.array([4.0, 1.0, 1.0]) / 6.0
@@ -162,7 +160,7 @@ def _averaged(stage: Stage, middle: Array, low: Array, high: Array) -> Integrate
     logs, described = [], []
     for place in _PLACES:
         step = high - middle if place > 0.0 else middle - low
-        logs.append(middle + place / _NORMAL_95 * step)
+        logs.append(middle + place / NORMAL_95 * step)
         posterior = stage.population.posterior(stage.sums, logs[-1])
         described.append(stage.describe(posterior, stage.population.values(logs[-1])))
     n = len(middle)

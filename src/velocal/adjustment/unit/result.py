@@ -14,7 +14,7 @@ from velocal.arrays import Array
 #: Parameters of the result, in the order of its vectors and matrices.
 NAMES = ("dl", "alpha", "v")
 #: Quantile of 95 % of a normal distribution.
-_NORMAL_95 = 1.644854
+NORMAL_95 = 1.644854
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Component:
 
         A value of this size that is not known exactly causes errors of this variance.
         """
-        width = np.log(self.high / self.low) / (2.0 * _NORMAL_95)
+        width = np.log(self.high / self.low) / (2.0 * NORMAL_95)
         return float(self.value * np.exp(width**2))
 
 

@@ -72,7 +72,7 @@ def correction_at(parameters: LaserParameters, raw_m: Array) -> Array:
     ----------
     parameters : LaserParameters
     raw_m : ndarray, shape (lasers,)
-        One for every laser.
+        Raw distance of each laser, metres.
     """
     laser, phi = _turn(len(parameters))
     raw, zero = raw_m[laser], np.zeros(len(parameters))

@@ -11,7 +11,6 @@ of docs/performance.md. Without one of them, its rows say that it is missing.
 from __future__ import annotations
 
 import argparse
-import resource
 import shutil
 import subprocess
 import sys
@@ -23,7 +22,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from speed_decoding import decoding
-from speed_measure import ROOT, Measures, Recorded, machine, recorded, table
+from speed_measure import ROOT, Measures, Recorded, children, machine, recorded, table
 from speed_scale import draw, measured, scaling
 from speed_tables import adjustment, medians, parquet, points
 from speed_workflow import workflow
@@ -50,12 +49,6 @@ def about(rotations: int) -> str:
         f"Measured on {datetime.now(UTC):%Y-%m-%d}: {machine()}; Python {python}, "
         f"{', '.join(known)}. The recording: {rotations} rotations of a simulated HDL-64E."
     )
-
-
-def children() -> float:
-    """Processor time of all processes that were started and have ended, seconds."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def starts(folder: Path, rounds: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import resource
 import struct
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -93,6 +94,12 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1
     return "\n".join(markdown_table(headings, rows, numeric))
 
 
+def children() -> float:
+    """Processor time of all processes that were started and have ended, seconds."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def machine() -> str:
     """The machine in general terms: processors and memory."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
@@ -136,17 +143,19 @@ class Recorded:
     seconds: float
 
 
+def _world() -> world.World:
+    return world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text("utf-8")))
+
+
 def records(scanner: str, rotations: int) -> NDArray[np.uint8]:
     """Packets of a simulated scanner with their network headers, shape (n, 1248)."""
-    simulated = world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text("utf-8")))
-    blocks = capture.records(simulated, scanner, "P2", "bench", rotations)
+    blocks = capture.records(_world(), scanner, "P2", "bench", rotations)
     return np.frombuffer(b"".join(blocks), np.uint8).reshape(-1, 1248)
 
 
 def recorded(folder: Path, scanner: str, rotations: int) -> Recorded:
     """Write a simulated recording in every framing."""
-    simulated = world.load(yaml.safe_load((ROOT / "config/world.yaml").read_text("utf-8")))
-    factory = truth.factory_parameters(simulated, scanner)
+    factory = truth.factory_parameters(_world(), scanner)
     calibration = folder / "factory.yaml"
     formats.write(calibration, factory)
     packets = records(scanner, rotations)

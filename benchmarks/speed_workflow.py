@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 import time
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
-from speed_measure import ROOT, table
+from speed_measure import ROOT, children, table
 
 sys.path.insert(0, str(ROOT / "tests"))
 
@@ -53,13 +52,13 @@ def run(folder: Path, what: str, cores: int) -> Ran:
     settings, results = RUNS[what]
     files = ["--configfile", "config/config.yaml", *settings] if settings else []
     command = [sys.executable, "-m", "velocal", "run", "--cores", str(cores), *files]
-    start, before = time.monotonic(), _children()
+    start, before = time.monotonic(), children()
     done = subprocess.run(
         command, cwd=place, env=environment(place), capture_output=True, text=True
     )
     if done.returncode:
         sys.exit(done.stderr[-4000:])
-    clock_s, processor_s = time.monotonic() - start, _children() - before
+    clock_s, processor_s = time.monotonic() - start, children() - before
     files_left = [each for each in (place / results).rglob("*") if each.is_file()]
     return Ran(
         clock_s,
@@ -67,11 +66,6 @@ def run(folder: Path, what: str, cores: int) -> Ran:
         pd.read_csv(place / results / "benchmarks/summary.csv"),
         sum(each.stat().st_size for each in files_left) / 1e6,
     )
-
-
-def _children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def workflow(folder: Path, what: str, cores: int = 2) -> str:

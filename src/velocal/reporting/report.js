@@ -316,8 +316,8 @@
 
   // Planes and points in space --------------------------------------------------------------------
 
-  // A canvas that can be turned; `draw` gets its context, its size, and what projects a point
-  // (x, y, z) to (right, down, away) for points between `low` and `high`.
+  // A canvas that can be turned. `draw` gets its context, and a function that makes the projection of
+  // points between `low` and `high`: of (x, y, z) to (right, down, away).
   function turnable(holder, label, draw) {
     const canvas = document.createElement("canvas");
     canvas.tabIndex = 0;
@@ -384,8 +384,18 @@
 
   const STATES = [["before", "with the factory's values"], ["after", "with the calibration"]];
 
-  function named(context, projection, place, text) {
-    const [x, y] = projection(...place);
+  // Numbers of points with their places on the canvas; nearer points are drawn over farther ones.
+  function farthestFirst(n, place) {
+    return Array.from({ length: n }, (_, i) => [i, ...place(i)]).sort((a, b) => b[3] - a[3]);
+  }
+
+  function withText(context) {
+    context.fillStyle = style("--text");
+    context.font = "12px system-ui, sans-serif";
+  }
+
+  function named(context, project, place, text) {
+    const [x, y] = project(...place);
     context.beginPath(); context.arc(x, y, 4, 0, 2 * Math.PI); context.fill();
     context.fillText(text, x + 7, y + 4);
   }
@@ -423,8 +433,7 @@
         }
       }
       const project = projection(low, high);
-      const ordered = Array.from({ length: n }, (_, i) => [i, ...project(places[3 * i], places[3 * i + 1], places[3 * i + 2])]);
-      ordered.sort((a, b) => b[3] - a[3]);
+      const ordered = farthestFirst(n, (i) => project(places[3 * i], places[3 * i + 1], places[3 * i + 2]));
       context.strokeStyle = style("--soft");
       context.fillStyle = style("--panel");
       one.corners.forEach((corners) => {
@@ -439,8 +448,7 @@
         context.fillStyle = `rgb(${r},${g},${b})`;
         context.fillRect(x - 1, y - 1, 2.2, 2.2);
       }
-      context.fillStyle = style("--text");
-      context.font = "12px system-ui, sans-serif";
+      withText(context);
       one.corners.forEach((corners, i) => {
         if (!corners.length) return;
         const centre = [0, 1, 2].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
@@ -470,14 +478,12 @@
 
     function draw(context, projection) {
       const [x, y, z] = clouds[stateSelect.value], project = projection(low, high);
-      const ordered = Array.from({ length: n }, (_, i) => [i, ...project(x[i] * data.coordinate_m, y[i] * data.coordinate_m, z[i] * data.coordinate_m)]);
-      ordered.sort((a, b) => b[3] - a[3]);
-      for (const [i, right, down] of ordered) {
+      const place = (i) => project(...[x[i], y[i], z[i]].map((value) => value * data.coordinate_m));
+      for (const [i, right, down] of farthestFirst(n, place)) {
         context.fillStyle = colours[position[i] % colours.length];
         context.fillRect(right - 0.7, down - 0.7, 1.4, 1.4);
       }
-      context.fillStyle = style("--text");
-      context.font = "12px system-ui, sans-serif";
+      withText(context);
       room.scanners.forEach((place, i) => named(context, project, place, room.positions[i]));
     }
 

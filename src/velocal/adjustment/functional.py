@@ -156,7 +156,7 @@ class Towards:
         offset: Array,
     ) -> None:
         self._laser_id, self._parameters = laser_id, parameters
-        # Sines and cosines of the few lasers first, then one for every return.
+        # Sines and cosines are computed for each laser, and then looked up for each return.
         self._hoff = parameters.hoff[laser_id]
         self._sine_v = np.sin(parameters.v)[laser_id]
         self._cosine_v = np.cos(parameters.v)[laser_id]

@@ -1,4 +1,4 @@
-"""Points of firings: a calibration as a few numbers for every laser, in single precision.
+"""Points of firings, computed in single precision from four constants of each laser.
 
 Equations (1) to (3) are linear in the raw distance. With the horizontal coordinates as one complex
 number Y + i X, the head turns a point by a factor:

@@ -291,7 +291,8 @@ def _counted(
     end = boundaries[np.flatnonzero(wanted)[-1] + 1] if wanted.any() else 0
     for chunk in chunks:
         n = len(chunk)
-        # Counted from the few places where rotations begin: a search for every block takes longer.
+        # Rotations that begin are counted along the blocks. To search the rotation of each block
+        # would take longer.
         blocks = done * BLOCKS, (done + n) * BLOCKS
         first, last = np.searchsorted(boundaries[:-1], blocks)
         begins = np.bincount(boundaries[first:last] - blocks[0], minlength=n * BLOCKS)

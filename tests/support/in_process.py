@@ -2,15 +2,19 @@
 
 The rules are loaded as Snakemake loads them; a job calls `main` of its script through the same
 adapter as a real run. There are no processes, no logs and no metadata.
+
+``python -m support.in_process FILE ...`` makes files of the project in the current folder.
 """
 
 import contextlib
 import importlib
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from snakemake.api import SnakemakeApi
 from snakemake.iocontainers import Wildcards
 from snakemake.settings.types import ConfigSettings, OutputSettings, Quietness, ResourceSettings
@@ -109,3 +113,9 @@ def put_aside(paths: list[str]) -> Iterator[None]:
     finally:
         for path, content in kept.items():
             Path(path).write_bytes(content)
+
+
+if __name__ == "__main__":
+    rules = Rules(Path.cwd(), yaml.safe_load(Path("config/config.yaml").read_text()))
+    for name in sys.argv[1:]:
+        rules.make(name)

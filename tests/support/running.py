@@ -30,6 +30,9 @@ def environment(folder: Path) -> dict[str, str]:
     """Environment of a run in a copy of the project: with the library of that copy."""
     paths = [str(folder / "src"), os.environ.get("PYTHONPATH", "")]
     return os.environ | {
+        # Sums of several threads are rounded otherwise. Snakemake says the same to each job.
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
         "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }

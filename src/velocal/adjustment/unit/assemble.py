@@ -72,13 +72,20 @@ def assemble(
     total = prior.copy()
     total += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
-    # What the data do not decide stays with the mean of the unit. If this mean is known less well
-    # than the lasers differ from each other, its variance is not a matter of a single laser.
+    # What the data do not decide stays with the mean of the unit. The uncertainty of the spread
+    # counts as for a laser that differs by this spread: it grows with the square of the difference,
+    # so that otherwise the lasers that are far off, and gain most, would be held.
+    of_spread = np.diagonal(spread, axis1=1, axis2=2)
+    of_others = np.maximum(1.0 - prior / np.maximum((corrections - means) ** 2, prior), 0.0)
+    counted = variance - of_others * of_spread
+    # If the mean is known less well than the lasers differ from each other, its variance is not a
+    # matter of a single laser.
     in_common = root.mean(axis=0)
     of_mean = (in_common**2).sum(axis=-1)
-    about_mean = variance - (root**2).sum(axis=-1) + ((root - in_common) ** 2).sum(axis=-1)
-    share = np.maximum(determined, 1.0 - about_mean / prior)
-    held = np.where(of_mean > prior, share, determined) < settings.hold_below
+    about_mean = counted - (root**2).sum(axis=-1) + ((root - in_common) ** 2).sum(axis=-1)
+    share = 1.0 - counted / total
+    share = np.where(of_mean > prior, np.maximum(share, 1.0 - about_mean / prior), share)
+    held = np.clip(share, 0.0, 1.0) < settings.hold_below
     # Errors of voff are not corrected: what they explain must not be what the others follow.
     known = covariance - sources["offsets"]
     corrections, back = hold(corrections, known, means, total, held)

@@ -8,7 +8,7 @@ import pytest
 from tests.support.unit import errors_of, unit_draws
 from velocal.adjustment.unit import adjust
 from velocal.adjustment.unit.adjust import adjust_unit, readjust
-from velocal.adjustment.unit.assemble import hold
+from velocal.adjustment.unit.assemble import hold, typical
 from velocal.adjustment.unit.corrected_survey import CorrectedSurvey
 from velocal.adjustment.unit.model import UNKNOWNS, about_scanner, linearise, shared_effects
 from velocal.adjustment.unit.settings import UnitSettings
@@ -175,6 +175,25 @@ def test_held_parameters_take_the_others_with_them():
     np.testing.assert_allclose(found[0], [*again, 0.3])
     assert back[0, 2, 2] + covariance[2, 2] == pytest.approx(prior[2])
     assert (np.linalg.eigvalsh(back[0]) > -1e-12).all()
+
+
+@pytest.mark.parametrize("seen", [0.3, 1.0, 3.0, 10.0])
+def test_a_laser_that_is_far_off_is_not_known_less_well(seen):
+    """One observation of one laser, and a spread of which 0.5, 1 and 2 are equally probable."""
+    spread = np.array([0.5, 1.0, 2.0])
+    gain = spread**2 / (spread**2 + 1.0)
+    estimates = gain * seen
+    difference, prior = np.mean(estimates), np.mean(spread**2)
+    of_spread = np.var(estimates)
+    arrays = ([[value]] for value in (np.mean(gain) + of_spread, of_spread, difference, prior))
+    variance = typical(*map(np.array, arrays))[0, 0]
+    # Where the estimate differs from 0 by the root of the prior variance.
+    at_spread = np.mean(gain) + np.var(gain * np.sqrt(prior) / np.mean(gain))
+    if difference**2 < prior:
+        assert variance == pytest.approx(np.mean(gain) + of_spread)
+        assert variance < at_spread
+    else:
+        assert variance == pytest.approx(at_spread)
 
 
 def test_nominal_values_have_no_far_point():

@@ -72,13 +72,10 @@ def assemble(
     total = prior.copy()
     total += np.stack([np.diag(one.datum.covariance) for one in each]).T @ weight
     determined = np.clip(1.0 - variance / total, 0.0, 1.0)
-    # What the data do not decide stays with the mean of the unit. The uncertainty of the spread
-    # counts as for a laser that differs by this spread: it grows with the square of the difference,
-    # so that otherwise the lasers that are far off, and gain most, would be held.
+    # What the data do not decide stays with the mean of the unit.
     of_spread = np.diagonal(spread, axis1=1, axis2=2)
-    of_others = np.maximum(1.0 - prior / np.maximum((corrections - means) ** 2, prior), 0.0)
-    counted = variance - of_others * of_spread
-    # If the mean is known less well than the lasers differ from each other, its variance is not a
+    counted = typical(variance, of_spread, corrections - means, prior)
+    # If this mean is known less well than the lasers differ from each other, its variance is not a
     # matter of a single laser.
     in_common = root.mean(axis=0)
     of_mean = (in_common**2).sum(axis=-1)
@@ -160,6 +157,33 @@ def _range_scale(bins: Bins, at: Linearised, stage: Stage, description: Descript
         near_m=np.where(np.isfinite(near), near, np.nan),
         far_m=np.where(np.isfinite(far), -far, np.nan),
     )
+
+
+def typical(variance: Array, of_spread: Array, difference: Array, prior: Array) -> Array:
+    """Variances of parameters if no laser differed from the mean by more than the unit's spread.
+
+    Parameters
+    ----------
+    variance : ndarray, shape (lasers, u)
+    of_spread : ndarray, shape (lasers, u)
+        The part of it that is there because the spread of the unit is estimated.
+    difference : ndarray, shape (lasers, u)
+        Of the estimates from the mean of the unit.
+    prior : ndarray, shape (lasers, u)
+        Square of the spread.
+
+    Returns
+    -------
+    ndarray, shape (lasers, u)
+
+    Notes
+    -----
+    Another spread moves an estimate in proportion to its difference, so that this part grows with
+    the square of the difference. The lasers that are far off, and gain most from a correction,
+    would seem to be those of which the data say least.
+    """
+    far = np.maximum(difference**2, prior)
+    return np.asarray(variance - (1.0 - prior / np.where(far > 0.0, far, 1.0)) * of_spread)
 
 
 def hold(

@@ -21,12 +21,13 @@ def main(
     table: str,
     selection: Table,
     simulated: bool,
+    of_paper: bool,
 ) -> None:
     """Write the table as CSV, Markdown and LaTeX."""
     statistics = pd.DataFrame(storage.read_csv(summary, text=KEYS))
     built = tables.build(table, selection, statistics, simulated=simulated)
     storage.write_csv(csv, tables.formatted(built.frame))
-    storage.write_text(md, tables.to_markdown(built))
+    storage.write_text(md, tables.to_markdown(built, numbered=of_paper))
     storage.write_text(tex, tables.to_latex(built))
 
 

@@ -139,6 +139,12 @@ def test_markdown_and_latex_hold_every_number():
     assert latex.count(r"\midrule") == 2
 
 
+def test_a_study_of_ones_own_does_not_number_its_tables_as_the_paper():
+    table = build("3")
+    assert tables.to_markdown(table).startswith(f"**Table III.** {table.caption}")
+    assert tables.to_markdown(table, numbered=False).startswith(table.caption)
+
+
 def test_special_characters_in_names():
     summary = SUMMARY.replace({"sample": {"sa5": "hall_1|b"}})
     table = build("3", summary, samples=["hall_1|b"])

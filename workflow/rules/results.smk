@@ -34,6 +34,7 @@ rule make_table:
         table=list(SETTINGS.tables),
         selection=[each.plain() for each in SETTINGS.tables.values()],
         simulated=bool(WORLD),
+        of_paper=SETTINGS.compare_with_paper,
     script:
         "../../scripts/make_table.py"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from velocal.scanner.parameters import LaserParameters
 
 #: Confidence of the interval that decides.
 LEVEL = 0.95
+#: Half the width of such an interval of a normal distribution, in standard deviations.
+QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
 #: Calibrates a unit on some stations.
 Calibrate = Callable[[Sequence[UnitStation]], LaserParameters]
 

@@ -199,9 +199,10 @@ def _cells(table: Table) -> list[list[str]]:
     return rows
 
 
-def to_markdown(table: Table) -> str:
-    """Table as Markdown with caption and notes."""
-    lines = [f"**Table {table.number}.** {table.caption}", ""]
+def to_markdown(table: Table, *, numbered: bool = True) -> str:
+    """Table as Markdown with caption and notes; with the paper's number where it is one of it."""
+    number = f"**Table {table.number}.** " if numbered else ""
+    lines = [number + table.caption, ""]
     lines += markdown_table(list(_HEADINGS.values()), _cells(table), _NUMERIC)
     return "\n".join([*lines, "", "\n\n".join(table.notes)]) + "\n"
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from velocal.evaluation.candidates import Role
+from velocal.evaluation.holdout import LEVEL
 from velocal.evaluation.interior_map import STATES
-from velocal.reporting.figures.corrections import LEVEL
 from velocal.reporting.figures.per_laser import TITLES, name_after
 from velocal.reporting.figures.plan import MEDIANS
 from velocal.study.figures import (

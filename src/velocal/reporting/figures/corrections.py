@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,10 @@ from numpy.typing import NDArray
 
 from velocal.arrays import Array
 from velocal.errors import VelocalError
+from velocal.evaluation.holdout import LEVEL, QUANTILE
 from velocal.reporting.style import COLOURS, GREY, finish, laser_axis, style
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study.figures import CorrectionsFigure
-
-#: Probability that an interval covers the true correction, if the standard deviation is right.
-LEVEL = 0.95
-#: Half width of an interval in standard deviations. A set states its standard deviations without
-#: degrees of freedom, so the quantile is that of the normal distribution.
-QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
 
 #: Unit for people and its size, by unit.
 _SHOWN = {"m": ("cm", 1e-2), "rad": ("deg", np.pi / 180.0)}
@@ -104,6 +98,7 @@ def corrections(sets: Sequence[CorrectedSet], factory: LaserParameters) -> pd.Da
                         "laser": np.arange(len(std)) + 1,
                         "laser_id": np.arange(len(std)),
                         "correction": np.where(np.isfinite(std), value, np.nan),
+                        # A set states standard deviations without degrees of freedom.
                         "half_width": QUANTILE * std,
                         "weakly_determined": np.array(weak, dtype=np.int64),
                     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from velocal.arrays import Array
-from velocal.evaluation.holdout import LEVEL, JudgedCalibration
+from velocal.evaluation.holdout import QUANTILE, JudgedCalibration
 from velocal.evaluation.unsurveyed import relative_std
 from velocal.io.markup import markdown_table
 from velocal.reporting.style import (
@@ -28,8 +27,6 @@ from velocal.reporting.style import (
 )
 from velocal.scanner.models import scanner_named
 
-#: Half width of an interval in standard deviations.
-_QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
 
@@ -193,7 +190,7 @@ def field_calibration(found: JudgedCalibration, title: str) -> Figure:
         dl = calibration.corrections[seen, 0]
         above.errorbar(
             seen + 1, (dl - dl.mean()) * 1e2,
-            yerr=_QUANTILE * relative_std(found.unit)[seen, 0] * 1e2,
+            yerr=QUANTILE * relative_std(found.unit)[seen, 0] * 1e2,
             fmt="o", markersize=3.6, linewidth=1.0, color=COLOURS[0],
         )  # fmt: skip
         laser_axis(above, len(calibration))

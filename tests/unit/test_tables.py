@@ -189,7 +189,7 @@ def test_errors_name_what_is_missing():
 def test_script_writes_rounded_csv(tmp_path):
     storage.write_csv(tmp_path / "summary.csv", SUMMARY)
     paths = {suffix: tmp_path / f"table.{suffix}" for suffix in ("csv", "md", "tex")}
-    arguments = {"table": "2", "selection": TABLES["2"], "simulated": True}
+    arguments = {"table": "2", "selection": TABLES["2"], "simulated": True, "of_paper": True}
     main(summary=tmp_path / "summary.csv", **paths, **arguments)
     rows = list(csv.DictReader(io.StringIO(paths["csv"].read_text())))
     assert len(rows) == 12

@@ -48,6 +48,12 @@ def wrong_wall(known: Small) -> Small:
     return replace(known, planes=replace(known.planes, group=tuple(group)))
 
 
+def planes_exchanged() -> Small:
+    """In a room whose corner is the origin the walls would only exchange their names."""
+    known = RIGHT.site(lambda xyz: xyz + np.array([0.4, 0.9, 0.0]))
+    return replace(known, planes=replace(known.planes, xyz=by(SWAP)(known.planes.xyz)))
+
+
 def nearly_collinear() -> Small:
     """A base of 1 cm across: measured anew, with the errors of the targets."""
     rng, wide = np.random.default_rng(4), RIGHT.base_scanner.xyz * [0.03, 1.0, 0.03]
@@ -91,6 +97,9 @@ ERRORS = {
         lambda: RIGHT.base(by(SWAP)), "handedness", ["base_scanner.csv", "mirror image"]),
     "the same on a flat base, which a rotation can mirror": (
         lambda: FLAT.base(by(SWAP)), "share on the planes", ["X and Y of the base are exchanged"]),
+    "X and Y of the planes exchanged": (
+        planes_exchanged,
+        "share on the planes", ["coordinates of the planes are (y, x, z) of the right x, y, z"]),
     "mirrored base": (
         lambda: FLAT.base(by(np.diag([-1, 1, 1]))), "share on the planes", ["the sign of X"]),
     "ROS axes": (

@@ -348,23 +348,31 @@ def _alternatives(
             [_scaled(each, factor) for each in station.patches],
         )
     yield "the site frame is left-handed", [_moved(mirrored, each) for each in site]
+    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        stated = _IDENTITY[list(order)] * np.array(signs)[:, None]
+        if np.array_equal(stated, _IDENTITY):
+            continue
+        of_base = pose if np.linalg.det(stated) > 0 else mirrored
+        right = RigidTransformation(
+            stated.T @ of_base.rotation, stated.T @ of_base.translation, of_base.covariance
+        )
+        key = tuple(tuple(int(value) for value in row) for row in stated)
+        text = _NAMED.get(key, f"the stated coordinates of the base are {_formula(stated)}")
+        yield text, [_moved(right, each) for each in site]
+    # Other signs would take a plane to where no beam is expected to hit it.
     for order in permutations(range(3)):
-        for signs in product((1, -1), repeat=3):
-            stated = _IDENTITY[list(order)] * np.array(signs)[:, None]
-            if np.array_equal(stated, _IDENTITY):
-                continue
-            of_base = pose if np.linalg.det(stated) > 0 else mirrored
-            right = RigidTransformation(
-                stated.T @ of_base.rotation, stated.T @ of_base.translation, of_base.covariance
-            )
-            key = tuple(tuple(int(value) for value in row) for row in stated)
-            yield _NAMED.get(key, _formula(stated)), [_moved(right, each) for each in site]
+        stated = _IDENTITY[list(order)]
+        turn = RigidTransformation(stated.T, np.zeros(3), np.zeros((6, 6)))
+        yield (
+            f"the stated coordinates of the planes are {_formula(stated)}",
+            [_moved(pose, _moved(turn, each)) for each in site],
+        )
 
 
 def _formula(stated: Array) -> str:
-    """Stated coordinates of the base by the right ones, as in "(-y, x, z)"."""
+    """Stated coordinates by the right ones, as in "(-y, x, z) of the right x, y, z"."""
     terms = [("-" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in stated]
-    return f"the stated coordinates of the base are ({', '.join(terms)}) of the right x, y, z"
+    return f"({', '.join(terms)}) of the right x, y, z"
 
 
 def _moved(transformation: RigidTransformation, patch: Patch) -> Patch:

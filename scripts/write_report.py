@@ -91,6 +91,7 @@ def main(
     factories: list[Path],
     factory_scanners: list[str],
     scanners: list[str],
+    range_sigma_m: dict[str, float],
     samples: list[str],
     set_scanners: list[str],
     set_names: list[str],
@@ -141,6 +142,7 @@ def main(
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
         maps=[_map(table, png, surveyed) for table, png in zip(maps, map_pictures, strict=True)],
+        range_sigma_m=range_sigma_m,
         interior=_interior(interior) if interior else None,
         certificates=[
             from_plain(Certificate, each, str(certificate))

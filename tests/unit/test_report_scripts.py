@@ -25,6 +25,7 @@ STUDY = report.Study(
     simulated=False,
     factories={"HDL-32E": nominal(SCANNERS["HDL-32E"])},
     certificates=[certificate()],
+    range_sigma_m={certificate().scanner: 0.02},
     maps=[sample_map()],
     interior=interactive.Interior(
         np.arange(40_000) % 2,

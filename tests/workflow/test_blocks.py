@@ -203,6 +203,7 @@ PREPARED = {
         (scan_of_kitti, "rings.json"),
         (rings, "higher.yaml"),
         (other_maker, "refined.csv"),
+        (other_maker, "walls/samples.tsv"),
     ],
     "docs/planner.md": [(my_scanner, "plan/plan.json")],
 }

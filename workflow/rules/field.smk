@@ -1,6 +1,7 @@
 # Recordings without a survey: how flat does each laser see a flat surface?
 #
-# in:   medians of the whole recording, a calibration (a file, or nominal values)
+# in:   medians of the whole recording, a calibration (a file, or nominal values), the file that
+#       describes the scanner where velocal does not know it
 # out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
 #       {results}/field/{sample}/planes.parquet   which medians lie on them
 #       {results}/field/{sample}/lasers.csv       std of s per plane and laser
@@ -55,6 +56,7 @@ rule fit_field_planes:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
         calibration=calibration_file,
+        description=lambda wildcards: described(sample_of(wildcards).scanner),
     output:
         planes=f"{RESULTS}/field/{{sample}}/planes.json",
         members=f"{RESULTS}/field/{{sample}}/planes.parquet",
@@ -85,6 +87,7 @@ rule adjust_unsurveyed:
             sample=samples_of_calibration(wildcards),
         ),
         calibration=factory_of_calibration,
+        description=lambda wildcards: described(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",

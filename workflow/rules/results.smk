@@ -122,6 +122,10 @@ rule write_report:
         figures=SETTINGS.plain()["figures"],
         samples=[*STUDY.samples, *STUDY.outdoor],
         scanners=list(STUDY.factories),
+        range_sigma_m={
+            scanner: STUDY.scanner(scanner).range_sigma_m
+            for scanner, _ in STUDY.calibration_names
+        },
         factory_scanners=list(STUDY.factory_files),
         set_scanners=[
             scanner for scanner in STUDY.scanners for _ in STUDY.candidates(scanner)

@@ -28,7 +28,6 @@ from velocal.reporting.figures import methods, panels
 from velocal.reporting.interactive import Interior, SampleMap, payload
 from velocal.reporting.templates import environment, fixed
 from velocal.reporting.verdict import laser_note, verdict
-from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
 from velocal.survey.checks.findings import Finding
@@ -157,6 +156,8 @@ class Study:
         PNG pictures of the changes of their distances over time, by their names.
     certificates : sequence of Certificate
         Of the calibrations of units.
+    range_sigma_m : mapping of str to float
+        Standard deviation of a distance in the datasheet, by scanner of a certificate.
     maps : sequence of SampleMap
         Residuals of every surveyed sample along the azimuth.
     interior : Interior or None
@@ -190,6 +191,7 @@ class Study:
     unsurveyed_units: Sequence[UnsurveyedUnit] = ()
     unit_drifts: Mapping[str, bytes] = field(default_factory=dict)
     certificates: Sequence[Certificate] = ()
+    range_sigma_m: Mapping[str, float] = field(default_factory=dict)
     maps: Sequence[SampleMap] = ()
     interior: Interior | None = None
     methods: pd.DataFrame | None = None
@@ -308,7 +310,7 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
         "rows": rows,
         "maps": maps,
         "order": order.tolist(),
-        "limit_mm": 3e3 * scanner_named(one.scanner).range_sigma_m,
+        "limit_mm": 3e3 * study.range_sigma_m[one.scanner],
     }
 
 

@@ -26,7 +26,6 @@ from velocal.reporting.style import (
     reference,
     style,
 )
-from velocal.scanner.models import scanner_named
 
 #: Half width of an interval in standard deviations.
 _QUANTILE = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)
@@ -71,6 +70,7 @@ def field_planes(
     lasers: pd.DataFrame,
     facts: Mapping[str, Any],
     findings: Sequence[str],
+    n_lasers: int,
 ) -> Figure:
     """Draw the plan view of the points and the standard deviation of s per laser and plane.
 
@@ -87,13 +87,14 @@ def field_planes(
         deviation of the datasheet, drawn as a dashed line.
     findings : sequence of str
         Said below the title.
+    n_lasers : int
+        Of the scanner.
 
     Returns
     -------
     Figure
     """
     sigma_cm = float(facts["sigma_cm"])
-    n_lasers = scanner_named(facts["scanner"]).n_lasers
     title = "{sample}: {scanner}, {calibration} calibration".format(**facts)
     looks = {
         name: {

@@ -25,7 +25,7 @@ from velocal.cli import app
 from velocal.errors import CalibrationFileError
 from velocal.evaluation.unsurveyed import Seen, adjust_unsurveyed, unsurveyed_settings
 from velocal.io import storage
-from velocal.io.schemas import MEDIANS, MEMBERS
+from velocal.io.schemas import MEDIANS, MEMBERS, RESIDUAL_MAP
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
 from velocal.scanner.parameters import nominal
@@ -78,7 +78,7 @@ def study(tmp_path_factory):
             "patches": dict.fromkeys(NAMES, BOXES),
             "judged": {"names": ["copy/back"]},
             "search": {"planes": 3, "distance_cm": 8, "extent_m": 40, "min_points": 30,
-                       "incidence_deg": 75, "seed": 1},
+                       "incidence_deg": 84, "seed": 1},
         },
     }  # fmt: skip
     here = Path.cwd()
@@ -138,6 +138,25 @@ def test_the_file_is_an_input_whose_content_counts(study):
     (folder / "copy.yaml").write_text(text)
 
 
+def test_residuals_are_mapped_on_planes_used_and_judged(study):
+    """About planes that are fitted to the points of each calibration, as hold-out does."""
+    rules = study[2]
+    rules.make("results/residual_maps/copy.parquet")
+    columns, facts = storage.read_table(Path("results/residual_maps/copy.parquet"), RESIDUAL_MAP)
+    assert facts["planes"] == ["right", "back (judged)", "road"]
+    assert facts["after"] == "copy"
+    # One median a bin.
+    assert set(columns["count"]) == {1}
+    judged = columns["plane"] == 1
+    held_out = pd.read_csv("results/calibrations/COPY-16/copy.hold_out.csv")
+    for when in ("before", "after"):
+        found = np.std(columns[f"{when}_m"][judged]) * 100.0
+        assert found == pytest.approx(held_out[f"total_{when}_cm"][0], rel=1e-3)
+        for plane in range(3):
+            own = columns[f"{when}_m"][columns["plane"] == plane]
+            assert abs(own.mean()) < 2e-3
+
+
 def test_report_and_certificate(study):
     rules = study[2]
     rules.make("results/report.html")
@@ -146,4 +165,6 @@ def test_report_and_certificate(study):
         for each in json.loads(Path("results/certificate.json").read_text())["certificates"]
     }
     assert files == {"COPY-16": ["cloud.pcd", "copy.yaml"]}
-    assert "COPY-16/copy" in Path("results/report.html").read_text()
+    report = Path("results/report.html").read_text()
+    assert "COPY-16/copy" in report
+    assert 'class="map" data-sample="copy"' in report

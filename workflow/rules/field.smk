@@ -15,6 +15,8 @@
 #                                                            more plane would bring;
 #                                                            {calibration}.drift.{csv,svg,png} tell
 #                                                            whether its distances have changed
+#       {results}/residual_maps/{sample}.{parquet,svg,png}   mean s along the azimuth, before and
+#                                                            after, of samples of calibrations
 
 UNSURVEYED = SETTINGS.unsurveyed
 UNSURVEYED_SETS = [
@@ -49,6 +51,28 @@ FIELD_FILES += expand(
     f"{RESULTS}/calibrations/{{unit}}.drift.{{suffix}}",
     unit=TIMED_UNITS,
     suffix=("csv", "svg", "png"),
+)
+# Scanner and last calibration of every sample that one was adjusted on.
+UNSURVEYED_MAPS = {
+    sample: (scanner, name)
+    for scanner, sets in STUDY.unsurveyed_calibrations.items()
+    for name, samples in sets.items()
+    for sample in samples
+}
+OF_UNSURVEYED_MAPS = {
+    "calibration": [
+        [path] if (path := STUDY.unsurveyed[name].calibration) != NOMINAL else []
+        for name in UNSURVEYED_MAPS
+    ],
+    "description": [
+        [STUDY.scanner_files[scanner]] if scanner in STUDY.scanner_files else []
+        for scanner, _ in UNSURVEYED_MAPS.values()
+    ],
+}
+FIELD_FILES += expand(
+    f"{RESULTS}/residual_maps/{{sample}}.{{suffix}}",
+    sample=UNSURVEYED_MAPS,
+    suffix=("parquet", "svg", "png"),
 )
 
 
@@ -111,6 +135,39 @@ rule adjust_unsurveyed:
         chosen=lambda wildcards: UNSURVEYED.judged.plain(),
     script:
         "../../scripts/adjust_unsurveyed.py"
+
+
+rule map_unsurveyed:
+    input:
+        medians=per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet", UNSURVEYED_MAPS
+        ),
+        members=expand(
+            f"{RESULTS}/field/{{sample}}/planes.parquet", sample=UNSURVEYED_MAPS
+        ),
+        calibration=grouped(OF_UNSURVEYED_MAPS["calibration"]),
+        description=grouped(OF_UNSURVEYED_MAPS["description"]),
+        judged=[
+            f"{RESULTS}/calibrations/{scanner}/{name}.json"
+            for scanner, name in UNSURVEYED_MAPS.values()
+        ],
+    output:
+        residuals=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=UNSURVEYED_MAPS
+        ),
+        svg=expand(f"{RESULTS}/residual_maps/{{sample}}.svg", sample=UNSURVEYED_MAPS),
+        png=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=UNSURVEYED_MAPS),
+    log:
+        f"{RESULTS}/logs/map_unsurveyed.log",
+    params:
+        counts=counts(**OF_UNSURVEYED_MAPS),
+        sample=list(UNSURVEYED_MAPS),
+        scanner=[scanner for scanner, _ in UNSURVEYED_MAPS.values()],
+        after=[name for _, name in UNSURVEYED_MAPS.values()],
+        near_points=SETTINGS.joint.near_points,
+        sigma_cm=[STUDY.unsurveyed_sigma_cm(name) for name in UNSURVEYED_MAPS],
+    script:
+        "../../scripts/map_unsurveyed.py"
 
 
 rule measure_stability:

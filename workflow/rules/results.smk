@@ -82,8 +82,14 @@ rule write_report:
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         checks=CHECKS if STUDY.surveyed else [],
-        maps=expand(f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=MAPPED),
-        map_pictures=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=MAPPED),
+        maps=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.parquet",
+            sample=[*MAPPED, *UNSURVEYED_MAPS],
+        ),
+        map_pictures=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.png",
+            sample=[*MAPPED, *UNSURVEYED_MAPS],
+        ),
         interior=f"{RESULTS}/map/points.parquet" if MAPS else [],
         sets=expand("{path}.csv", path=SETS),
         exports=expand("{path}.exports.csv", path=SETS),

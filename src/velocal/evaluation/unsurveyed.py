@@ -315,6 +315,22 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     return replace(result, common=tuple(common))
 
 
+def fitted_residuals(cloud: Cloud, plane: FieldPlane) -> Array:
+    """Residuals s of the points of a plane about the plane that is fitted to them, metres.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        Points of its recording, by any calibration.
+    plane : FieldPlane
+
+    Returns
+    -------
+    ndarray, shape (points,)
+    """
+    return cloud.s(plane.rows, fit_plane(cloud.xyz[plane.rows]).plane)
+
+
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:
     """Parts that are left out one after the other: recordings, or planes of the only one.
 
@@ -395,7 +411,11 @@ def leave_out(
             after = Cloud.from_beams(seen.cloud, unit.calibration.adjusted) if judged else None
             for plane in judged:
                 laser = seen.cloud.laser_id[plane.rows]
-                s = [_residuals(each, plane) for each in (seen.cloud, after) if each is not None]
+                s = [
+                    fitted_residuals(each, plane)
+                    for each in (seen.cloud, after)
+                    if each is not None
+                ]
                 moments.append([[np.bincount(laser, e**k, lasers) for k in range(3)] for e in s])
                 found.append((seen.name, plane, unit))
     # By plane, before and after, power of s, and laser.
@@ -521,11 +541,6 @@ def _loose(plane: FieldPlane, points: Array) -> Array:
     root[3, :2] = -centre @ axes * turn
     root[3, 2] = LOOSE_M
     return np.asarray(root @ root.T)
-
-
-def _residuals(cloud: Cloud, plane: FieldPlane) -> Array:
-    """Residuals s of the points of a plane about the plane that is fitted to them."""
-    return cloud.s(plane.rows, fit_plane(cloud.xyz[plane.rows]).plane)
 
 
 def _std(sums: Array) -> Array:

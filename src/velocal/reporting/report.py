@@ -281,10 +281,11 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
     n_lasers = len(one.lasers)
     rms = [np.full(n_lasers, np.nan)] * 2
     if maps:
-        laser = np.concatenate([each.columns["laser_id"] for each in maps])
+        of = [each.residuals for each in maps]
+        laser = np.concatenate([each.laser_id for each in of])
         rms = [
-            root_mean_square(np.concatenate([each.columns[name] for each in maps]), laser, n_lasers)
-            for name in ("before_m", "after_m")
+            root_mean_square(np.concatenate(values), laser, n_lasers)
+            for values in ([each.before_m for each in of], [each.after_m for each in of])
         ]
     rows = [
         {

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from velocal.evaluation.residual_map import BINS, STEP_DEG, as_image
+from velocal.evaluation.residual_map import BINS, STEP_DEG, ResidualMap, as_image
 from velocal.reporting.style import finish, style
 
 #: Colours end at so many standard deviations of the datasheet.
@@ -21,7 +20,7 @@ _LEAST_WIDTH = 0.04
 
 
 def residual_images(
-    columns: Mapping[str, NDArray[Any]],
+    found: ResidualMap,
     planes: Sequence[str],
     order: Sequence[int],
     title: str,
@@ -33,8 +32,7 @@ def residual_images(
 
     Parameters
     ----------
-    columns : mapping of str to ndarray
-        Columns of `schemas.RESIDUAL_MAP`.
+    found : ResidualMap
     planes : sequence of str
         Names of the planes.
     order : sequence of int
@@ -49,8 +47,8 @@ def residual_images(
     -------
     Figure
     """
-    start = _start(columns["azimuth_bin"])
-    shown = (columns["azimuth_bin"].astype(np.int64) - start) % BINS
+    start = _start(found.azimuth_bin)
+    shown = (found.azimuth_bin.astype(np.int64) - start) % BINS
     width = int(shown.max(initial=0)) + 1 + _MARGIN_BINS
     n_lasers = len(order)
     limit_cm = _LIMIT * sigma_m * 1e2
@@ -58,8 +56,9 @@ def residual_images(
         figure = Figure(figsize=(9.0, 2.2 + 0.055 * n_lasers))
         axes = [figure.add_subplot(2, 1, 1)]
         axes.append(figure.add_subplot(2, 1, 2, sharex=axes[0]))
-        for ax, state in zip(axes, ("before", "after"), strict=True):
-            image = np.roll(as_image(dict(columns), state, n_lasers, order), -start, axis=1)
+        states = (("before", found.before_m), ("after", found.after_m))
+        for ax, (state, residual_m) in zip(axes, states, strict=True):
+            image = np.roll(as_image(found, residual_m, order), -start, axis=1)
             drawn = ax.imshow(
                 image[:, :width] * 1e2, aspect="auto", origin="lower", cmap="RdBu_r",
                 vmin=-limit_cm, vmax=limit_cm, interpolation="nearest",
@@ -78,7 +77,7 @@ def residual_images(
         axes[1].set_xticks(angles - start * STEP_DEG)
         axes[1].set_xticklabels([f"{angle % 360.0:.0f}" for angle in angles])
         axes[1].set_xlabel("rotational angle [deg]")
-        _names(axes[0], shown, columns["plane"], planes, width)
+        _names(axes[0], shown, found.plane, planes, width)
         bar = figure.colorbar(drawn, ax=axes, extend="both", fraction=0.03, pad=0.01)
         bar.set_label("s [cm]")
         finish(figure, [], title, simulated=simulated)

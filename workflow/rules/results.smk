@@ -110,7 +110,8 @@ rule write_report:
             f"{RESULTS}/calibrations/{{unit}}.more.csv", unit=UNSURVEYED_UNITS
         ),
         drift_pictures=expand(
-            f"{RESULTS}/calibrations/{{unit}}.drift.png", unit=TIMED_UNITS
+            f"{RESULTS}/calibrations/{{unit}}.drift.png",
+            unit=[*SURVEYED_UNITS, *TIMED_UNITS],
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
@@ -141,7 +142,7 @@ rule write_report:
         ],
         field_samples=list(STUDY.unsurveyed),
         unsurveyed_units=UNSURVEYED_UNITS,
-        timed_units=TIMED_UNITS,
+        timed_units=[*SURVEYED_UNITS, *TIMED_UNITS],
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"

@@ -153,7 +153,7 @@ class Study:
     unsurveyed_units : sequence of UnsurveyedUnit
         Calibrations without a survey.
     unit_drifts : mapping of str to bytes
-        PNG pictures of the changes of their distances over time, by their names.
+        PNG pictures of the changes of distances over time, by scanner and name of a calibration.
     certificates : sequence of Certificate
         Of the calibrations of units.
     range_sigma_m : mapping of str to float
@@ -302,6 +302,9 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
         }
         for number, row in enumerate(one.lasers)
     ]  # fmt: skip
+    # Calibrations without a survey have a section of their own, which shows the picture.
+    unit = f"{one.scanner}/{one.name}"
+    surveyed = unit not in {each.name for each in study.unsurveyed_units}
     factory = study.factories.get(one.scanner)
     order = np.arange(n_lasers) if factory is None else np.argsort(factory.v, kind="stable")
     return {
@@ -311,6 +314,7 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
         "rows": rows,
         "maps": maps,
         "order": order.tolist(),
+        "drift": study.unit_drifts.get(unit, b"") if surveyed else b"",
         "limit_mm": 3e3 * study.range_sigma_m[one.scanner],
     }
 

@@ -15,6 +15,8 @@ from velocal.reporting.style import finish, style
 #: Colours end at so many standard deviations of the datasheet.
 _LIMIT = 3.0
 _MARGIN_BINS = 6
+#: Height of the picture of a few lasers, inches: names of the axes need as much.
+_LEAST_HEIGHT = 3.9
 #: A plane narrower than this share of the picture gets no name.
 _LEAST_WIDTH = 0.04
 
@@ -53,7 +55,7 @@ def residual_images(
     n_lasers = len(order)
     limit_cm = _LIMIT * sigma_m * 1e2
     with style():
-        figure = Figure(figsize=(9.0, 2.2 + 0.055 * n_lasers))
+        figure = Figure(figsize=(9.0, max(2.2 + 0.055 * n_lasers, _LEAST_HEIGHT)))
         axes = [figure.add_subplot(2, 1, 1)]
         axes.append(figure.add_subplot(2, 1, 2, sharex=axes[0]))
         states = (("before", found.before_m), ("after", found.after_m))

@@ -1,4 +1,4 @@
-"""Figure of the stability of a unit without a survey: changes of its distances over some times."""
+"""Figure of the stability of a unit: changes of its distances over some times."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ def draw(
     changes: Mapping[str, Changes],
     times: Mapping[str, Sequence[tuple[str, str, float]]],
     title: str,
+    *,
+    simulated: bool = False,
 ) -> Figure:
     """Draw a row of panels for every comparison: over the times, and the last time by laser.
 
@@ -25,6 +27,8 @@ def draw(
     changes, times : mapping of str
         As for `stability.tabulate`.
     title : str
+    simulated : bool
+        Whether a note says that the recordings are simulated.
 
     Returns
     -------
@@ -45,7 +49,8 @@ def draw(
             for ax in axes[0]:
                 ax.set_axis_off()
         said = [line for each in verdict(changes).splitlines() for line in wrap(each, 105)]
-        finish(figure, [axes[0, 0]] if changes else [], "\n".join([title, *said]))
+        legend = [axes[0, 0]] if changes else []
+        finish(figure, legend, "\n".join([title, *said]), simulated=simulated)
     return figure
 
 

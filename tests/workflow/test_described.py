@@ -40,7 +40,7 @@ DESCRIPTION = {
     "lasers": 16,
     "vertical_deg": np.rad2deg(KNOWN.vertical_rad).tolist(),
     "vertical_offset_m": KNOWN.vertical_offset_m.tolist(),
-    "azimuth_bin_deg": 2.0,
+    "azimuth_bin_deg": 4.0,
     "range_sigma_m": KNOWN.range_sigma_m,
     "max_range_m": KNOWN.max_range_m,
 }
@@ -60,9 +60,9 @@ def study(tmp_path_factory):
     folder = copy_project(tmp_path_factory.mktemp("described") / "project")
     used = nominal(KNOWN)
     dl = np.random.default_rng(4).normal(0.0, 0.02, len(used))
-    # The turn of all lasers puts their shots into the middle of azimuth bins of 2 degrees.
-    true = replace(used, dl=dl, alpha=used.alpha + np.deg2rad(1.0))
-    scan, laser = street_scan(true, used, sigma_m=0.01, columns=180)
+    # The turn of all lasers puts their shots into the middle of azimuth bins of 4 degrees.
+    true = replace(used, dl=dl, alpha=used.alpha + np.deg2rad(2.0))
+    scan, laser = street_scan(true, used, sigma_m=0.01, columns=90)
     columns = dict(zip(("x", "y", "z", "intensity"), scan.T, strict=True))
     (folder / "cloud.pcd").write_bytes(clouds.pcd(columns | {"channel": laser.astype("u1")}))
     (folder / "copy.yaml").write_text(yaml.safe_dump(DESCRIPTION))
@@ -71,13 +71,13 @@ def study(tmp_path_factory):
     (folder / "samples.tsv").write_text(HEADING + "".join(rows))
     config = {
         "study": "A copy", "results": "results",
-        "reduction": {"min_count": 1, "azimuth_bin_deg": {"VLP-16": 2.0}},
+        "reduction": {"min_count": 1, "azimuth_bin_deg": {"VLP-16": 4.0}},
         "unsurveyed": {
             "samples": "samples.tsv", "recordings": ".",
             "calibrations": {"COPY-16": {"copy": ["copy"]}},
             "patches": dict.fromkeys(NAMES, BOXES),
             "judged": {"names": ["copy/back"]},
-            "search": {"planes": 3, "distance_cm": 8, "extent_m": 40, "min_points": 30,
+            "search": {"planes": 3, "distance_cm": 8, "extent_m": 40, "min_points": 20,
                        "incidence_deg": 84, "seed": 1},
         },
     }  # fmt: skip

@@ -302,17 +302,14 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
             means=means,
         ),
     )
-    common = [
-        free[one.name]
-        if one.name in means
-        else replace(
-            one, by_survey=free[one.name].by_survey, by_survey_std=free[one.name].by_survey_std
+    common = {one.name: one for one in result.common}
+    for name, one in free.items():
+        common[name] = (
+            one
+            if name in means
+            else replace(common[name], by_survey=one.by_survey, by_survey_std=one.by_survey_std)
         )
-        if one.name in free
-        else one
-        for one in result.common
-    ]
-    return replace(result, common=tuple(common))
+    return replace(result, common=tuple(common.values()))
 
 
 def fitted_residuals(cloud: Cloud, plane: FieldPlane) -> Array:

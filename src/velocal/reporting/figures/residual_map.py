@@ -19,6 +19,8 @@ _MARGIN_BINS = 6
 _LEAST_HEIGHT = 3.9
 #: A plane narrower than this share of the picture gets no name.
 _LEAST_WIDTH = 0.04
+#: Share of the picture that the title of a panel takes.
+_OF_TITLE = 0.12
 
 
 def residual_images(
@@ -79,7 +81,8 @@ def residual_images(
         axes[1].set_xticks(angles - start * STEP_DEG)
         axes[1].set_xticklabels([f"{angle % 360.0:.0f}" for angle in angles])
         axes[1].set_xlabel("rotational angle [deg]")
-        _names(axes[0], shown, found.plane, planes, width)
+        if _names(axes[0], shown, found.plane, planes, width) < _OF_TITLE * width * STEP_DEG:
+            axes[0].set_title("before", pad=16.0)
         bar = figure.colorbar(drawn, ax=axes, extend="both", fraction=0.03, pad=0.01)
         bar.set_label("s [cm]")
         finish(figure, [], title, simulated=simulated)
@@ -101,13 +104,23 @@ def _names(
     plane: NDArray[np.integer],
     planes: Sequence[str],
     width: int,
-) -> None:
-    """Write the names of planes above the bins where they are seen most."""
+) -> float:
+    """Write the names of planes above the bins where they are seen most.
+
+    Returns
+    -------
+    float
+        Angle from the left at which the first name stands, degrees; infinite if there is none.
+    """
+    first = np.inf
     for number, name in enumerate(planes):
         bins = shown[plane == number]
         if len(bins) and np.ptp(bins) > _LEAST_WIDTH * width:
+            centre = float(np.median(bins)) * STEP_DEG
+            first = min(first, centre)
             ax.annotate(
-                name.replace("_", " "), (float(np.median(bins)) * STEP_DEG, 1.0),
+                name.replace("_", " "), (centre, 1.0),
                 xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
                 ha="center", fontsize=7.5,
             )  # fmt: skip
+    return first

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.adjust import adjust_unit
-from velocal.adjustment.unit.common_mean import UNLIKELY, GivenMean
+from velocal.adjustment.unit.common_mean import CERTAIN, GivenMean
 from velocal.adjustment.unit.result import NAMES, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
@@ -255,9 +255,10 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     UnitCalibration
         The variances of the angles that are not adjusted are those of the unit as the data show
         them. The covariance contains what errors of this size do to the distances. The mean of
-        such an angle is corrected if the planes decide on it (`CommonPart.decided`), and if it is
-        larger than three times its standard deviation, as where a file is wrong for all lasers
-        alike; otherwise it is only stated (`CommonPart.by_survey`).
+        such an angle is corrected if the planes decide on it (`CommonPart.decided`), if they know
+        it better than the lasers differ from each other, and if it is larger than 4.5 times its
+        standard deviation, as where a file is wrong for all lasers alike; otherwise it is only
+        stated (`CommonPart.by_survey`).
 
     Raises
     ------
@@ -285,11 +286,14 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     spread = {one.name.removeprefix("sigma_"): one.rms for one in found.population}
     # Where all lasers are taken to have the same angle, its mean seems to be known too well.
     free = {one.name: one for one in found.common if one.name in held}
-    # A mean that may as well be zero stays zero, so that chance moves no point.
+    # Where surfaces are uneven, a mean that is not there reaches three or four times its standard
+    # deviation. Only what is clearer than that moves all points.
     means = {
         name: GivenMean(one.value, one.std)
         for name, one in free.items()
-        if not one.at_factory and abs(one.by_survey) > UNLIKELY * one.by_survey_std
+        if not one.at_factory
+        and abs(one.by_survey) > CERTAIN * one.by_survey_std
+        and one.by_survey_std < max(spread[name], settings.least_spread.get(name, 0.0))
     }
     result = adjust_unit(
         stations,

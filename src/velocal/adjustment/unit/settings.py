@@ -153,7 +153,8 @@ class UnitSettings:
                 where="settings of a unit",
                 allowed="from 0 to less than 1",
             )
-        for name, value in [*(self.prior or {}).items(), *self.least_std.items()]:
+        given = [(self.prior or {}), self.least_std, self.least_spread]
+        for name, value in (pair for each in given for pair in each.items()):
             if name not in LEARNT or not value > 0.0:
                 raise VelocalError(
                     f"standard deviation {value} of {name!r}",

@@ -24,10 +24,10 @@ from velocal.io.scripts import run
 from velocal.reporting.figures.unsurveyed import field_calibration
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import scanner_named
 from velocal.study.adjustment import Joint
 from velocal.study.outputs import DECODER, Export
 from velocal.study.planes import Judged
+from velocal.study.scanner_file import given_scanner
 
 
 def main(
@@ -35,6 +35,7 @@ def main(
     medians: list[Path],
     members: list[Path],
     calibration: Path | None,
+    description: Path | None,
     csv: Path,
     json: Path,
     yaml: Path,
@@ -57,7 +58,7 @@ def main(
 
     `samples` are those of every file of medians.
     """
-    known = scanner_named(scanner)
+    known = given_scanner(scanner, description)
     factory = formats.read_or_nominal(calibration, known)
     recordings, rates_hz = [], []
     for name, path, on_planes in zip(samples, medians, members, strict=True):
@@ -73,7 +74,7 @@ def main(
     only_judged = _only_judged(recordings, chosen)
     result = calibrate_on_planes(
         recordings,
-        scanner,
+        known,
         settings=settings,
         judged=only_judged,
         near_points=joint.near_points,

@@ -15,14 +15,15 @@ from velocal.io.scripts import run
 from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
-from velocal.scanner.models import scanner_named
 from velocal.study.planes import Box, PlaneSearch
+from velocal.study.scanner_file import given_scanner
 
 
 def main(
     *,
     medians: Path,
     calibration: Path | None,
+    description: Path | None,
     planes: Path,
     members: Path,
     lasers: Path,
@@ -36,7 +37,7 @@ def main(
     near_points: bool,
 ) -> None:
     """Write planes, the medians on them, statistics of s per plane and laser, and a picture."""
-    known = scanner_named(scanner)
+    known = given_scanner(scanner, description)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])
@@ -58,7 +59,9 @@ def main(
     names = [plane.name for plane in found]
     storage.write_table(members, schemas.MEMBERS, on_planes, planes=names)
     rows_of = {plane.name: plane.rows for plane in found}
-    figure = field_planes(cloud.xyz, rows_of, pd.DataFrame(statistics), facts, findings)
+    figure = field_planes(
+        cloud.xyz, rows_of, pd.DataFrame(statistics), facts, findings, known.n_lasers
+    )
     save(figure, svg, png)
 
 

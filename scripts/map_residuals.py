@@ -47,17 +47,17 @@ def main(
     factory = formats.read_or_nominal(calibration, known)
     before = Candidate(Role.FACTORY, factory, "", near_points)
     role = Role.UNIT if is_unit else Role.SET
-    columns = residual_map(
+    found = residual_map(
         data, before, Candidate(role, formats.read(adjusted, known.n_lasers), after)
     )
     planes = [plane.patch.name for plane in station.planes]
     facts = {"scanner": scanner, "sample": sample, "position": station.position, "after": after}
-    storage.write_table(residuals, schemas.RESIDUAL_MAP, columns, planes=planes, **facts)
+    storage.write_table(residuals, schemas.RESIDUAL_MAP, vars(found), planes=planes, **facts)
     order = np.argsort(factory.v, kind="stable").tolist()
     title = (
         f"{sample}, {scanner} at {station.position}: s with the factory's values and with {after}"
     )
-    figure = residual_images(columns, planes, order, title, sigma_cm * 1e-2, simulated=simulated)
+    figure = residual_images(found, planes, order, title, sigma_cm * 1e-2, simulated=simulated)
     save(figure, svg, png)
 
 

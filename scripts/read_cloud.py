@@ -9,13 +9,14 @@ from velocal.recording import cloud
 from velocal.recording.medians import write_medians
 from velocal.recording.motion import check_cloud_standing
 from velocal.recording.returns import write_table_of
-from velocal.scanner.models import scanner_named
+from velocal.study.scanner_file import given_scanner
 
 
 def main(
     *,
     recording: Path,
     calibration: Path | None,
+    description: Path | None,
     ledger: Path,
     returns: Path,
     medians: Path,
@@ -27,7 +28,7 @@ def main(
     min_count: int,
 ) -> None:
     """Write the returns and their medians as Parquet, and what was used of the cloud as JSON."""
-    known = scanner_named(scanner)
+    known = given_scanner(scanner, description)
     numbers = None if calibration is None else formats.read_for(calibration, known)
     found = cloud.read_cloud(recording, known, numbers, dialect=dialect, frame=frame, topic=address)
     check_cloud_standing(found.returns, str(recording))

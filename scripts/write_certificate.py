@@ -30,6 +30,7 @@ def main(
     ledgers: list[Path],
     surveys: list[Path],
     factory_files: list[Path],
+    descriptions: list[Path],
     json: Path,
     html: Path,
     names: list[str],
@@ -38,6 +39,7 @@ def main(
     sample_names: list[str],
     positions: list[str],
     factories: list[str],
+    described: list[str],
     serials: dict[str, str],
     simulated: bool,
 ) -> None:
@@ -45,7 +47,7 @@ def main(
 
     `samples` and `factories` are those of every calibration: a factory is one of `factory_files`,
     or nominal. `recordings`, `ledgers` and `positions` are of `sample_names`. A sample without a
-    survey has no position, and none of `surveys`.
+    survey has no position, and none of `surveys`. `descriptions` are of the scanners `described`.
     """
     facts = dict(zip(sample_names, map(storage.read_json, ledgers), strict=True))
     captures = dict(zip(sample_names, recordings, strict=True))
@@ -63,6 +65,10 @@ def main(
         )
         files += _files(
             "calibration of the factory", [each for each in factory_files if str(each) == factory]
+        )
+        of_scanner = zip(described, descriptions, strict=True)
+        files += _files(
+            "description of the scanner", [each for known, each in of_scanner if known == scanner]
         )
         found.append(
             certificate(

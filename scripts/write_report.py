@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from velocal.calibration.files.formats import read_or_nominal
 from velocal.evaluation.certificate import Certificate
 from velocal.evaluation.interior_map import clouds
+from velocal.evaluation.residual_map import ResidualMap
 from velocal.evaluation.statistics import KEYS
 from velocal.io import schemas, storage
 from velocal.io.plain import from_plain
@@ -36,15 +37,14 @@ def _optional(path: Path | None) -> pd.DataFrame | None:
 
 
 def _map(table: Path, png: Path, surveys: Mapping[str, Any]) -> SampleMap:
+    """Residuals of a sample; only a surveyed one has a position, and planes with corners."""
     columns, facts = storage.read_table(table, schemas.RESIDUAL_MAP)
-    corners = {
-        plane["name"]: np.array(plane["corners_m"])
-        for plane in surveys[facts["position"]]["planes"]
-    }
+    survey = surveys.get(facts["position"], {"planes": []})
+    corners = {plane["name"]: np.array(plane["corners_m"]) for plane in survey["planes"]}
     return SampleMap(
         **{name: facts[name] for name in ("sample", "scanner", "position", "after", "planes")},
-        corners_m=[corners[name] for name in facts["planes"]],
-        columns=columns,
+        corners_m=[corners.get(name, np.zeros((0, 3))) for name in facts["planes"]],
+        residuals=ResidualMap(**columns),
         png=for_page(png),
     )
 
@@ -91,6 +91,7 @@ def main(
     factories: list[Path],
     factory_scanners: list[str],
     scanners: list[str],
+    range_sigma_m: dict[str, float],
     samples: list[str],
     set_scanners: list[str],
     set_names: list[str],
@@ -141,6 +142,7 @@ def main(
             name: read_or_nominal(known.get(name), scanner_named(name)) for name in scanners
         },
         maps=[_map(table, png, surveyed) for table, png in zip(maps, map_pictures, strict=True)],
+        range_sigma_m=range_sigma_m,
         interior=_interior(interior) if interior else None,
         certificates=[
             from_plain(Certificate, each, str(certificate))

@@ -116,6 +116,9 @@ _REFUSED = {
     ),
     "samples: separated by spaces": rewritten(SAMPLES, lambda text: text.replace("\t", "  ")),
     "samples: unknown scanner": replaced((SAMPLES, "sample1\tHDL-32E", "sample1\tHDL32")),
+    "samples: a file that describes the scanner, in a survey": replaced(
+        (SAMPLES, "sample1\tHDL-32E", "sample1\tscanner.yaml")
+    ),
     "samples: a name with a space": replaced((SAMPLES, "sample1\t", "sample 1\t")),
     "samples: a name with a slash": replaced((SAMPLES, "sample1\t", "../1\t")),
     "samples: a name with braces": replaced((SAMPLES, "sample1\t", "{x}\t")),

@@ -132,10 +132,17 @@ def test_the_common_vertical_angle_of_kitti_is_seen(tmp_path):
     # Only what the points were computed with is in the cloud, not what is right.
     np.testing.assert_allclose(rings.v, used.v, atol=np.deg2rad(0.001))
     np.testing.assert_allclose(rings.voff, used.voff, atol=1e-3)
-    common = {each.name: each for each in on_boxes(path, scanner, rings).common}["v"]
+    unit = on_boxes(path, scanner, rings)
+    common = {each.name: each for each in unit.common}["v"]
     assert common.by_survey_std < np.deg2rad(0.06)
     assert abs(common.by_survey - wrong) < 2.5 * common.by_survey_std
     assert common.by_survey > 3.0 * common.by_survey_std
+    # It is clear enough to be applied, though no single laser shows its own angle.
+    assert abs(common.value - wrong) < 2.5 * common.std
+    found = unit.calibration
+    assert (unit.determined[found.observed, 2] < 0.5).all()
+    np.testing.assert_allclose(found.corrections[found.observed, 2], common.value, atol=1e-4)
+    assert (found.std[found.observed, 2] > 0.9 * common.std).all()
 
 
 def test_a_scanner_that_a_file_describes(tmp_path):

@@ -7,7 +7,7 @@ from PIL import Image
 
 from velocal.evaluation.certificate import Certificate, Conditions, File, Laser, StationResult
 from velocal.evaluation.holdout import Gain
-from velocal.evaluation.residual_map import BINS
+from velocal.evaluation.residual_map import BINS, ResidualMap
 from velocal.reporting.interactive import SampleMap
 
 LASERS = 32
@@ -63,5 +63,6 @@ def sample_map(after="all"):
     wall = np.array([[-2.0, 4.0, -1.0], [2.0, 4.0, -1.0], [2.0, 4.0, 1.0], [-2.0, 4.0, 1.0]])
     corners = [wall, np.zeros((0, 3))]
     return SampleMap(
-        "sa5", "HDL-32E", "P5", after, ["short_wall", "floor"], corners, columns, picture()
-    )
+        "sa5", "HDL-32E", "P5", after, ["short_wall", "floor"], corners, ResidualMap(**columns),
+        picture(),
+    )  # fmt: skip

@@ -298,7 +298,7 @@ def fit(folder: Path, root: Path, cloud: planes_in_data.Cloud, **changed) -> dic
               incidence_deg=70, seed=1)  # fmt: skip
     arguments = {"sample": "a", "scanner": "HDL-32E", "patches": None, "search": search,
                  "sigma_cm": 2.0, "near_points": True, **changed}  # fmt: skip
-    main(medians=path, calibration=None, **outputs, **arguments)
+    main(medians=path, calibration=None, description=None, **outputs, **arguments)
     return outputs
 
 
@@ -352,7 +352,7 @@ def test_many_planes_differ_in_the_picture(tmp_path):
         {"plane": list(members), "laser_id": range(8), "rms_cm": 1.0, "std_cm": np.nan}
     )
     facts = {"sample": "a", "scanner": "HDL-32E", "calibration": "x", "sigma_cm": 2.0}
-    figure = field_planes(cloud.xyz, members, lasers, facts, [])
+    figure = field_planes(cloud.xyz, members, lasers, facts, [], 32)
     lines = figure.axes[1].get_lines()
     looks = {(line.get_color(), line.get_marker()) for line in lines}
     assert len(looks) == 9

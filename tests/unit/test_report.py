@@ -133,6 +133,7 @@ FULL = report.Study(
     methods=METHODS,
     methods_png=PNG,
     certificates=[certificate()],
+    range_sigma_m={certificate().scanner: 0.02},
     maps=[sample_map()],
 )
 PAGE = report.render(FULL)
@@ -337,7 +338,7 @@ def test_script_reads_what_is_there(tmp_path):
     common |= {"figures": {"16": FULL.figures[0].selection.plain()}, "scanners": ["HDL-32E"]}
     common |= {"samples": ["sa5"], "set_scanners": ["HDL-32E"], "set_names": ["set1"]}
     common |= {"factory_scanners": [], "field_samples": [], "unsurveyed_units": []}
-    common |= {"timed_units": []}
+    common |= {"timed_units": [], "range_sigma_m": {}}
     common |= {"outdoor_figures": {}}
     main(**files, report_html=tmp_path / "report.html", **common)
     page = (tmp_path / "report.html").read_text()

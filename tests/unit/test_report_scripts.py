@@ -25,6 +25,7 @@ STUDY = report.Study(
     simulated=False,
     factories={"HDL-32E": nominal(SCANNERS["HDL-32E"])},
     certificates=[certificate()],
+    range_sigma_m={certificate().scanner: 0.02},
     maps=[sample_map()],
     interior=interactive.Interior(
         np.arange(40_000) % 2,
@@ -160,7 +161,7 @@ def test_payload_is_what_was_measured():
         ("y_m", "y", "<i2", content["coordinate_m"]),
     ):
         read = np.frombuffer(base64.b64decode(sample[key]), type_) * unit
-        assert np.abs(read - one.columns[name]).max() <= 0.5 * unit + 1e-12
+        assert np.abs(read - getattr(one.residuals, name)).max() <= 0.5 * unit + 1e-12
 
 
 def test_values_beyond_the_integers_are_cut():

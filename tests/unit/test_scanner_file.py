@@ -1,12 +1,21 @@
 """Scanners that a YAML file describes: what is read, and one clear message for every fault."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.example import DESCRIBED
+from typer.testing import CliRunner
 
+from velocal.cli import app
 from velocal.errors import ConfigError
 from velocal.scanner.models import SCANNERS, Family
+from velocal.study.files import check_files, given_files
+from velocal.study.reading import read_yaml
+from velocal.study.samples import SurveyedSample, read_samples
 from velocal.study.scanner_file import read_scanner, scanner_of
+from velocal.study.study import read_study
 
 
 def described(folder, *changes):
@@ -57,3 +66,76 @@ def test_a_fault_is_one_message(old, new, message, tmp_path):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(ConfigError, match="cannot be read"):
         scanner_of(str(tmp_path / "gone.yaml"))
+
+
+HEADING = "sample\tscanner\trecording\tcalibration\tdialect\n"
+WITHOUT_SURVEY = {
+    "study": "Clouds", "results": "results", "reduction": {"min_count": 1},
+    "unsurveyed": {
+        "samples": "samples.tsv", "recordings": "clouds",
+        "calibrations": {"ACME-4": {"all": ["a"]}},
+        "search": {"planes": 3, "distance_cm": 6, "extent_m": 4, "min_points": 100,
+                   "incidence_deg": 70, "seed": 1},
+    },
+}  # fmt: skip
+ROW = "a\tacme.yaml\ta.pcd\tnominal\tpaper\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Folder of a study of a cloud, whose scanner a file describes."""
+    (tmp_path / "acme.yaml").write_text(DESCRIBED)
+    (tmp_path / "samples.tsv").write_text(HEADING + ROW)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_study_resolves_it_once(folder):
+    study = read_study(WITHOUT_SURVEY | {"serials": {"ACME-4": "7"}}, "config")
+    assert study.unsurveyed["a"].scanner == "ACME-4"
+    assert study.scanner("ACME-4").n_lasers == 4
+    assert study.scanner("VLP-16") is SCANNERS["VLP-16"]
+    assert study.unsurveyed_sigma_cm("a") == pytest.approx(2.0)
+    assert given_files(study)["acme.yaml"] == "description of scanner 'ACME-4'"
+
+
+@pytest.mark.parametrize(
+    ("rows", "parts"),
+    [
+        (ROW.replace("acme", "gone"), ["samples.tsv", "no file 'gone.yaml'", "VLP-16", "Hint: "]),
+        (ROW.replace("acme", "wrong"), ["wrong.yaml", "4 values (allowed: 5", "Hint: "]),
+        (ROW.replace("acme.yaml", "ACME-4"), ["unknown scanner 'ACME-4'", "a YAML file"]),
+        (ROW + ROW.replace("a\tacme", "b\tother"), ["'other.yaml' and 'acme.yaml'", "Hint: "]),
+        (ROW.replace("paper", ""), ["row 2", "packets are not read", "allowed: HDL-64E", "Hint: "]),
+        (ROW.replace("acme.yaml", "VLP-16"), ["calibrations: no sample is of 'ACME-4'", "Hint: "]),
+    ],
+)  # fmt: skip
+def test_a_fault_in_a_study_is_one_message(rows, parts, folder):
+    (folder / "wrong.yaml").write_text(DESCRIBED.replace("lasers: 4", "lasers: 5"))
+    (folder / "other.yaml").write_text(DESCRIBED)
+    (folder / "samples.tsv").write_text(HEADING + rows)
+    with pytest.raises(ConfigError) as caught:
+        read_study(WITHOUT_SURVEY, "config")
+    assert [part for part in parts if part not in str(caught.value)] == []
+
+
+def test_a_survey_is_of_packets(folder):
+    (folder / "surveyed.tsv").write_text(
+        "sample\tscanner\trecording\tcalibration\tposition\na\tacme.yaml\ta.pcap\tnominal\tP1\n"
+    )
+    with pytest.raises(ConfigError, match=r"scanner: 'acme.yaml' describes .*\n*Hint: Only clouds"):
+        read_samples(folder / "surveyed.tsv", SurveyedSample)
+
+
+def test_init_writes_such_a_study(folder):
+    (folder / "a.pcd").touch()
+    given = ["init", "new", "--scanner", "acme.yaml", "--recording", "a.pcd"]
+    refused = CliRunner().invoke(app, given)
+    assert isinstance(refused.exception, ConfigError)
+    assert "packets are not read" in str(refused.exception)
+    done = CliRunner().invoke(app, [*given, "--dialect", "paper"])
+    assert done.exit_code == 0, done.output
+    os.chdir("new")
+    study = read_study(read_yaml(Path("config.yaml")), "config")
+    assert study.calibration_names == [("ACME-4", "all")]
+    check_files(study, "config")

@@ -28,6 +28,8 @@ from velocal.reporting.certificate import render
 from velocal.scanner.parameters import NEAR_POINT
 from velocal.simulation import truth
 
+SIGMA = {SCANNER: 0.02}
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
@@ -193,14 +195,16 @@ def test_the_report_says_what_to_use(made, tmp_path):
     one = certified(made[2])
     storage.write_json(tmp_path / "c.json", to_plain(one))
     again = from_plain(Certificate, storage.read_json(tmp_path / "c.json"), "c.json")
-    page = report.render(report.Study("A unit", False, certificates=[again]))
+    page = report.render(report.Study("A unit", False, certificates=[again], range_sigma_m=SIGMA))
     assert "better than the factory" in page
     assert f"parameter_sets/{SCANNER}/all.yaml" in page
     # The errors of this unit's distances are 2.0 cm with a scatter of 1.6 cm.
     assert one.significant("dl") > 16
     assert f"not significant for {32 - one.significant('dl')} of 32 lasers" in page
     page = report.render(
-        report.Study("A unit", False, certificates=[certified(not_better(made[2]))])
+        report.Study(
+            "A unit", False, certificates=[certified(not_better(made[2]))], range_sigma_m=SIGMA
+        )
     )
     text = html.unescape(" ".join(page.split()))
     assert "not judged" in text

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from velocal.adjustment.unit.common_mean import RATIOS, common_mean
+from velocal.adjustment.unit.common_mean import RATIOS, GivenMean, common_mean
 
 DEG = np.pi / 180.0
 #: Units of dl, alpha and v.
@@ -73,3 +73,22 @@ def test_a_mean_that_is_far_from_the_factorys_is_believed_if_it_is_known():
     found = common_mean(mean, covariance, WIDE, SPREAD)
     assert found.decided[1] == 0.0
     assert abs(found.mean[1]) < 0.5 * SPREAD[1]
+
+
+def test_a_given_mean_is_kept_and_the_others_are_those_for_it():
+    """The survey sees dl + 2 m * v sharply: dl is what v leaves of it, as if that were zero."""
+    by_survey = np.array([0.02, 0.0, 0.2 * DEG])
+    sees = np.diag([0.002, 0.01 * DEG, 0.1 * DEG]) ** 2
+    sees[0, 0] += (2.0 * 0.1 * DEG) ** 2
+    sees[0, 2] = sees[2, 0] = -2.0 * (0.1 * DEG) ** 2
+    covariance = np.linalg.inv(np.linalg.inv(sees) + np.diag(WIDE**-2.0))
+    mean = covariance @ np.linalg.solve(sees, by_survey)
+    for value in (0.2 * DEG, 0.5 * DEG):
+        given = {"v": GivenMean(value, 0.01 * DEG)}
+        found = common_mean(mean, covariance, WIDE, SPREAD, given)
+        assert found.mean[2] == value
+        np.testing.assert_allclose(found.covariance[2], [0.0, 0.0, (0.01 * DEG) ** 2])
+        # Shrunk by a few per cent, and by nothing that is known of v.
+        left = 0.02 - 2.0 * (value - 0.2 * DEG)
+        np.testing.assert_allclose(found.mean[0], left, atol=0.05 * abs(left) + 1e-3)
+        np.testing.assert_allclose(found.by_survey, by_survey, rtol=1e-6, atol=1e-12)

@@ -128,7 +128,7 @@ def test_gradient_is_that_of_finite_differences():
         assert found[number] == pytest.approx(expected, rel=1e-6)
 
 
-def _unchanged(mean, covariance, prior_std, spread):
+def _unchanged(mean, covariance, prior_std, spread, given):
     """A datum that leaves the posterior of the means as it is."""
     return CommonMean(mean, covariance, mean, np.sqrt(np.diag(covariance)), np.ones(3))
 
@@ -187,7 +187,7 @@ def test_a_known_mean_takes_its_uncertainty_out(monkeypatch):
     """With the means of dl, alpha and v at zero, the posterior is that of a model without them."""
     of = case()
 
-    def zero(mean, covariance, prior_std, spread):
+    def zero(mean, covariance, prior_std, spread, given):
         return CommonMean(np.zeros(3), np.zeros((3, 3)), mean, mean, np.zeros(3))
 
     found, _ = described(of, monkeypatch, zero)
@@ -207,7 +207,7 @@ def test_an_error_is_stated_at_least(name, kind, monkeypatch):
     survey = {"pose": of.sums.layout.survey.start + np.arange(SURVEY)}
     posterior, place = Posterior(of.sums, of.std, of.common_std), UNKNOWNS.index(name)
     more, less = (
-        describe(posterior, np.zeros(0), output, survey, {name: factor * of.std[place]})
+        describe(posterior, np.zeros(0), output, survey, least_std={name: factor * of.std[place]})
         for factor in (2.0, 0.5)
     )
     np.testing.assert_array_equal(less.covariance, found.covariance)

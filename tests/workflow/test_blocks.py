@@ -24,7 +24,6 @@ from support.tutorial import PAGE, clean_environment, run, shown
 from velocal.calibration.applied import AppliedCalibration
 from velocal.calibration.dialects import DIALECTS
 from velocal.calibration.files import formats
-from velocal.calibration.files.document import CalibrationFile
 from velocal.io.commit import commit_of
 from velocal.io.markup import marked
 from velocal.scanner.models import SCANNERS
@@ -172,12 +171,6 @@ def scan_of_kitti(folder, study):
     (folder / "000000.bin").write_bytes(scan.tobytes())
 
 
-def rings(folder, study):
-    """As the block before it makes it."""
-    used = CalibrationFile(nominal(SCANNERS["HDL-64E"]), "paper")
-    formats.write(folder / "rings.json", used)
-
-
 def other_maker(folder, study):
     angles = np.linspace(15.0, -15.0, 16)
     (folder / "scanner.yaml").write_text(
@@ -201,8 +194,8 @@ PREPARED = {
         (studied, "effect.png"),
         (cloud_of_ros, "my-scanner/samples.tsv"),
         (scan_of_kitti, "rings.json"),
-        (rings, "higher.yaml"),
         (other_maker, "refined.csv"),
+        (other_maker, "walls/samples.tsv"),
     ],
     "docs/planner.md": [(my_scanner, "plan/plan.json")],
 }

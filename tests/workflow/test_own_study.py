@@ -13,6 +13,7 @@ import sys
 import time
 
 import numpy as np
+import pandas as pd
 import pytest
 from support.capture import pcap_head, pcap_packet
 from support.chain import study_world
@@ -116,6 +117,10 @@ def test_report_tables_and_figures(finished):
         "statistics/lasers.csv",
     ):  # fmt: skip
         assert (results / name).stat().st_size > 0
+    drift = pd.read_csv(results / f"calibrations/{SCANNER}/all.drift.csv")
+    assert set(drift["compared"]) == {POSITION}
+    assert list(drift["window"].unique()) == ["beginning", "middle", "end"]
+    assert f"Changes of the distances of {SCANNER}/all over time" in report
 
 
 def test_points_with_the_refined_file(finished, tmp_path):

@@ -87,6 +87,7 @@ def test_two_halves_of_the_recording_are_compared(finished):
 def test_report_and_certificate_speak_of_it(finished):
     report = (finished / "report.html").read_text()
     assert f"Calibration {SCANNER}/all" in report
+    assert 'class="map" data-sample="sample1"' in report
     assert "a common correction of the distances of all lasers is hardly seen" in report
     assert f"Changes of the distances of {SCANNER}/all over time" in report
     certificate = json.loads((finished / "certificate.json").read_text())["certificates"][0]

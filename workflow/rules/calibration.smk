@@ -136,6 +136,7 @@ rule write_certificate:
                 if sample.calibration != NOMINAL
             }
         ),
+        descriptions=list(STUDY.scanner_files.values()),
     output:
         json=f"{RESULTS}/certificate.json",
         html=in_report("certificate", "Report", f"{RESULTS}/certificate.html"),
@@ -155,6 +156,7 @@ rule write_certificate:
             str(STUDY.samples[STUDY.calibrated_on(*each)[0]].calibration)
             for each in STUDY.calibration_names
         ],
+        described=list(STUDY.scanner_files),
         serials=SETTINGS.serials,
         simulated=bool(WORLD),
     script:

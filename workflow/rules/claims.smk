@@ -1,4 +1,5 @@
-# Claims of the paper that no table or figure answers, and what is needed to judge them.
+# Drift over the windows of a position; claims of the paper that no table or figure answers, and
+# what is needed to judge them.
 #
 # in:   assigned medians, recordings (their temperature), adjustments, statistics, outdoor samples;
 #       the truth, if the world is simulated: offsets are compared with it
@@ -6,6 +7,8 @@
 #       {results}/drift/summary.csv       its mean and scatter, with the temperature of the scanner
 #       {results}/drift/temperature.csv   how the mean follows the temperature
 #       {results}/drift/drift.{svg,png}
+#       {results}/calibrations/{scanner}/{calibration}.drift.{csv,svg,png}   changes between the
+#                                         windows of every position, for every surveyed calibration
 #       {results}/published/claims.{csv,md}          every claim with what was computed and a verdict
 #       {results}/published/light.{csv,svg,png}      samples with and without light, per laser
 #       {results}/published/offsets.{csv,svg,png}    voff and hoff adjusted too, per laser
@@ -27,6 +30,15 @@ CLAIM_FILES = [
 ]
 CLAIM_FILES = CLAIM_FILES if SETTINGS.compare_with_paper else []
 SURVEYED = list(STUDY.surveyed)
+# Surveyed calibrations, whose windows are compared.
+SURVEYED_UNITS = [
+    f"{scanner}/{name}" for scanner, sets in STUDY.calibrations.items() for name in sets
+]
+UNIT_DRIFT_FILES = expand(
+    f"{RESULTS}/calibrations/{{unit}}.drift.{{suffix}}",
+    unit=SURVEYED_UNITS,
+    suffix=("csv", "svg", "png"),
+)
 LIGHT_SAMPLES = (
     [name for pair in LIGHT for name in pair] if SETTINGS.compare_with_paper else []
 )
@@ -64,6 +76,53 @@ rule measure_drift:
         simulated=bool(WORLD),
     script:
         "../../scripts/measure_drift.py"
+
+
+rule measure_unit_drift:
+    input:
+        assigned=lambda wildcards: per_window(
+            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
+            samples_of_calibration(wildcards),
+        ),
+        surveys=lambda wildcards: at_positions(
+            f"{RESULTS}/survey/{{position}}.json",
+            samples_of_calibration(wildcards),
+        ),
+        recordings=lambda wildcards: recordings_of(samples_of_calibration(wildcards)),
+        rotations=lambda wildcards: expand(
+            f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
+            sample=samples_of_calibration(wildcards),
+        ),
+        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+    output:
+        csv=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.csv",
+        svg=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.svg",
+        png=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.png",
+    log:
+        f"{RESULTS}/logs/measure_unit_drift/{{scanner}}.{{unit}}.log",
+    wildcard_constraints:
+        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
+    params:
+        samples=lambda wildcards: samples_per_window(samples_of_calibration(wildcards)),
+        windows=lambda wildcards: [
+            window
+            for name in samples_of_calibration(wildcards)
+            for window in STUDY.samples[name].windows
+        ],
+        names=samples_of_calibration,
+        positions=lambda wildcards: [
+            STUDY.surveyed[name].position for name in samples_of_calibration(wildcards)
+        ],
+        ports=lambda wildcards: [
+            STUDY.samples[name].port for name in samples_of_calibration(wildcards)
+        ],
+        addresses=lambda wildcards: [
+            STUDY.samples[name].address for name in samples_of_calibration(wildcards)
+        ],
+        length=lambda wildcards: SETTINGS.windows.rotations,
+        simulated=bool(WORLD),
+    script:
+        "../../scripts/measure_unit_drift.py"
 
 
 rule adjust_offsets:

@@ -8,7 +8,6 @@ from pathlib import Path
 from snakemake.settings.types import DeploymentMethod
 from velocal.errors import VelocalError, visible
 from velocal.io import run_lock
-from velocal.scanner.models import SCANNERS
 from velocal.simulation.world import check_world, read as read_world
 from velocal.study.files import check_files, check_times
 from velocal.study.samples import NOMINAL
@@ -109,6 +108,11 @@ def calibration_file(wildcards):
     """Factory calibration of a sample, as input; nothing for nominal values."""
     path = sample_of(wildcards).calibration
     return [] if path == NOMINAL else path
+
+
+def described(scanner):
+    """File that describes a scanner, as input; nothing for one that velocal knows."""
+    return STUDY.scanner_files.get(scanner, [])
 
 
 def factory_path(scanner):

@@ -1,6 +1,7 @@
 # Recordings without a survey: how flat does each laser see a flat surface?
 #
-# in:   medians of the whole recording, a calibration (a file, or nominal values)
+# in:   medians of the whole recording, a calibration (a file, or nominal values), the file that
+#       describes the scanner where velocal does not know it
 # out:  {results}/field/{sample}/planes.json      planes fitted to patches of the data
 #       {results}/field/{sample}/planes.parquet   which medians lie on them
 #       {results}/field/{sample}/lasers.csv       std of s per plane and laser
@@ -14,6 +15,8 @@
 #                                                            more plane would bring;
 #                                                            {calibration}.drift.{csv,svg,png} tell
 #                                                            whether its distances have changed
+#       {results}/residual_maps/{sample}.{parquet,svg,png}   mean s along the azimuth, before and
+#                                                            after, of samples of calibrations
 
 UNSURVEYED = SETTINGS.unsurveyed
 UNSURVEYED_SETS = [
@@ -49,12 +52,35 @@ FIELD_FILES += expand(
     unit=TIMED_UNITS,
     suffix=("csv", "svg", "png"),
 )
+# Scanner and last calibration of every sample that one was adjusted on.
+UNSURVEYED_MAPS = {
+    sample: (scanner, name)
+    for scanner, sets in STUDY.unsurveyed_calibrations.items()
+    for name, samples in sets.items()
+    for sample in samples
+}
+OF_UNSURVEYED_MAPS = {
+    "calibration": [
+        [path] if (path := STUDY.unsurveyed[name].calibration) != NOMINAL else []
+        for name in UNSURVEYED_MAPS
+    ],
+    "description": [
+        [STUDY.scanner_files[scanner]] if scanner in STUDY.scanner_files else []
+        for scanner, _ in UNSURVEYED_MAPS.values()
+    ],
+}
+FIELD_FILES += expand(
+    f"{RESULTS}/residual_maps/{{sample}}.{{suffix}}",
+    sample=UNSURVEYED_MAPS,
+    suffix=("parquet", "svg", "png"),
+)
 
 
 rule fit_field_planes:
     input:
         medians=f"{RESULTS}/medians/{{sample}}/{WHOLE}.parquet",
         calibration=calibration_file,
+        description=lambda wildcards: described(sample_of(wildcards).scanner),
     output:
         planes=f"{RESULTS}/field/{{sample}}/planes.json",
         members=f"{RESULTS}/field/{{sample}}/planes.parquet",
@@ -85,6 +111,7 @@ rule adjust_unsurveyed:
             sample=samples_of_calibration(wildcards),
         ),
         calibration=factory_of_calibration,
+        description=lambda wildcards: described(wildcards.scanner),
     output:
         csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.csv",
         json=f"{RESULTS}/parameter_sets/{{scanner}}/{{unit}}.json",
@@ -108,6 +135,39 @@ rule adjust_unsurveyed:
         chosen=lambda wildcards: UNSURVEYED.judged.plain(),
     script:
         "../../scripts/adjust_unsurveyed.py"
+
+
+rule map_unsurveyed:
+    input:
+        medians=per_window(
+            f"{RESULTS}/medians/{{sample}}/{{window}}.parquet", UNSURVEYED_MAPS
+        ),
+        members=expand(
+            f"{RESULTS}/field/{{sample}}/planes.parquet", sample=UNSURVEYED_MAPS
+        ),
+        calibration=grouped(OF_UNSURVEYED_MAPS["calibration"]),
+        description=grouped(OF_UNSURVEYED_MAPS["description"]),
+        judged=[
+            f"{RESULTS}/calibrations/{scanner}/{name}.json"
+            for scanner, name in UNSURVEYED_MAPS.values()
+        ],
+    output:
+        residuals=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=UNSURVEYED_MAPS
+        ),
+        svg=expand(f"{RESULTS}/residual_maps/{{sample}}.svg", sample=UNSURVEYED_MAPS),
+        png=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=UNSURVEYED_MAPS),
+    log:
+        f"{RESULTS}/logs/map_unsurveyed.log",
+    params:
+        counts=counts(**OF_UNSURVEYED_MAPS),
+        sample=list(UNSURVEYED_MAPS),
+        scanner=[scanner for scanner, _ in UNSURVEYED_MAPS.values()],
+        after=[name for _, name in UNSURVEYED_MAPS.values()],
+        near_points=SETTINGS.joint.near_points,
+        sigma_cm=[STUDY.unsurveyed_sigma_cm(name) for name in UNSURVEYED_MAPS],
+    script:
+        "../../scripts/map_unsurveyed.py"
 
 
 rule measure_stability:

@@ -71,7 +71,7 @@ rule reduce_recording:
         which=SETTINGS.reduction.which,
         length=SETTINGS.windows.rotations if SETTINGS.windows else None,
         azimuth_bin_ticks=lambda wildcards: SETTINGS.reduction.azimuth_bin_ticks(
-            SCANNERS[sample_of(wildcards).scanner]
+            STUDY.scanner(sample_of(wildcards).scanner)
         ),
         min_count=SETTINGS.reduction.min_count,
     script:

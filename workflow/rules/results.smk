@@ -83,8 +83,14 @@ rule write_report:
         summary=f"{RESULTS}/statistics/summary.csv" if STUDY.surveyed else [],
         surveys=expand(f"{RESULTS}/survey/{{position}}.json", position=STUDY.positions),
         checks=CHECKS if STUDY.surveyed else [],
-        maps=expand(f"{RESULTS}/residual_maps/{{sample}}.parquet", sample=MAPPED),
-        map_pictures=expand(f"{RESULTS}/residual_maps/{{sample}}.png", sample=MAPPED),
+        maps=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.parquet",
+            sample=[*MAPPED, *UNSURVEYED_MAPS],
+        ),
+        map_pictures=expand(
+            f"{RESULTS}/residual_maps/{{sample}}.png",
+            sample=[*MAPPED, *UNSURVEYED_MAPS],
+        ),
         interior=f"{RESULTS}/map/points.parquet" if MAPS else [],
         sets=expand("{path}.csv", path=SETS),
         exports=expand("{path}.exports.csv", path=SETS),
@@ -105,7 +111,8 @@ rule write_report:
             f"{RESULTS}/calibrations/{{unit}}.more.csv", unit=UNSURVEYED_UNITS
         ),
         drift_pictures=expand(
-            f"{RESULTS}/calibrations/{{unit}}.drift.png", unit=TIMED_UNITS
+            f"{RESULTS}/calibrations/{{unit}}.drift.png",
+            unit=[*SURVEYED_UNITS, *TIMED_UNITS],
         ),
         outdoor=f"{RESULTS}/outdoor/means.csv" if STUDY.outdoor else [],
         outdoor_pictures=figure_files(OUTDOOR_FIGURES, ["png"]),
@@ -123,6 +130,10 @@ rule write_report:
         figures=SETTINGS.plain()["figures"],
         samples=[*STUDY.samples, *STUDY.outdoor],
         scanners=list(STUDY.factories),
+        range_sigma_m={
+            scanner: STUDY.scanner(scanner).range_sigma_m
+            for scanner, _ in STUDY.calibration_names
+        },
         factory_scanners=list(STUDY.factory_files),
         set_scanners=[
             scanner for scanner in STUDY.scanners for _ in STUDY.candidates(scanner)
@@ -132,7 +143,7 @@ rule write_report:
         ],
         field_samples=list(STUDY.unsurveyed),
         unsurveyed_units=UNSURVEYED_UNITS,
-        timed_units=TIMED_UNITS,
+        timed_units=[*SURVEYED_UNITS, *TIMED_UNITS],
         outdoor_figures=SETTINGS.plain()["outdoor"]["figures"] if OUTDOOR else {},
     script:
         "../../scripts/write_report.py"

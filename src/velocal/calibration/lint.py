@@ -73,7 +73,7 @@ def lint(path: str | Path, scanner: Scanner | None = None) -> list[Finding]:
         document = format_of(path).codec().parse(path)
     except CalibrationFileError as error:
         return [Finding("unreadable", error.what)]
-    found = [*_document(document)]
+    found = [*_document(document, scanner)]
     ids, columns, faults = _columns(document)
     found += faults
     found += _ids(ids, scanner)
@@ -84,17 +84,18 @@ def lint(path: str | Path, scanner: Scanner | None = None) -> list[Finding]:
             found += check(document, ids, columns, scanner)
     if not found:
         try:
-            read_calibration(path)
+            read_calibration(path, scanner=scanner.name if scanner else None)
         except CalibrationFileError as error:  # what reading checks and nothing above does
             found.append(Finding("unreadable", error.what))
     return found
 
 
-def _document(document: Document) -> Iterator[Finding]:
+def _document(document: Document, scanner: Scanner | None) -> Iterator[Finding]:
     try:
         tick = lasers.tick_m(document)
-        if not np.isclose(tick, TICKS_M, rtol=1e-6).any():
-            known = " or ".join(f"{each:g}" for each in TICKS_M)
+        ticks = TICKS_M if scanner is None else sorted({*TICKS_M, scanner.distance_tick_m})
+        if not np.isclose(tick, ticks, rtol=1e-6).any():
+            known = " or ".join(f"{each:g}" for each in ticks)
             yield Finding("tick", f"the distance tick is {tick:g} m; {known} are known")
     except CalibrationFileError as error:
         yield Finding("tick", f"{error.what}; 0.002 m, or 0.004 m for a VLP-32C or VLS-128")

@@ -45,7 +45,8 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="Calibration: .xml .y
 ScannerName = Annotated[
     str | None,
     typer.Option(
-        "--scanner", help=f"{', '.join(SCANNERS)}. Told by the vertical angles if left out."
+        "--scanner",
+        help=f"{', '.join(SCANNERS)}, or a file .yaml. Told by the vertical angles if left out.",
     ),
 ]
 Rate = Annotated[
@@ -106,9 +107,9 @@ def lint(
     The exit code is 1 if there are any.
     """
     from velocal.calibration.lint import lint as find_faults
-    from velocal.scanner.models import scanner_named
+    from velocal.study.scanner_file import scanner_of
 
-    known = scanner_named(scanner, where="--scanner") if scanner else None
+    known = scanner_of(scanner, where="--scanner") if scanner else None
     faults = 0
     told: dict[str, list[dict[str, str]]] = {}
     for file in files:
@@ -304,12 +305,12 @@ def _print_differences(
 def _read(file: Path, scanner: str | None) -> CalibrationFile:
     from velocal.calibration.files import formats
     from velocal.calibration.fit import check_fit
-    from velocal.scanner.models import scanner_named
+    from velocal.study.scanner_file import scanner_of
 
     if scanner is None:
         return formats.read_calibration(file)
-    known = scanner_named(scanner, where="--scanner")
-    found = formats.read_calibration(file, known.n_lasers)
+    known = scanner_of(scanner, where="--scanner")
+    found = formats.read_calibration(file, known.n_lasers, scanner=known.name)
     check_fit(found.parameters.v, known, str(file), found.scanner)
     return found
 
@@ -340,9 +341,13 @@ def _dialect(found: CalibrationFile, file: Path, named: str | None, where: str) 
 def _scanner(found: CalibrationFile, named: str | None) -> Scanner | None:
     from velocal.calibration.fit import fitting
     from velocal.scanner.models import SCANNERS
+    from velocal.study.scanner_file import scanner_of
 
-    name = named or found.scanner
-    return SCANNERS.get(name) if name else next(fitting(found.parameters.v), None)
+    if named:
+        return scanner_of(named, where="--scanner")
+    if found.scanner:
+        return SCANNERS.get(found.scanner)
+    return next(fitting(found.parameters.v), None)
 
 
 def _ranges(text: str) -> tuple[float, ...]:

@@ -24,7 +24,8 @@ def init(
         str | None,
         typer.Option(
             "--scanner",
-            help=f"One of {', '.join(SCANNERS)}. {SCANNER} if left out.",
+            help=f"One of {', '.join(SCANNERS)}, or a file .yaml that describes the scanner of "
+            f"clouds. {SCANNER} if left out.",
             show_default=False,
         ),
     ] = None,
@@ -63,7 +64,7 @@ def init(
     With --example nothing has to be filled in: the folder contains simulated captures, their
     survey and a factory's file, and takes less than 5 MB.
     """
-    from velocal.scanner.models import scanner_named
+    from velocal.study.scanner_file import is_scanner_file, scanner_of
     from velocal.study.template import CAPTURES, FACTORY, write_study
 
     if example:
@@ -84,11 +85,19 @@ Next: cd {folder} && velocal run --cores 2
 The report will be {folder / "results/report.html"}."""
         )
         return
-    known = scanner_named(scanner or SCANNER, where="--scanner")
+    known = scanner_of(scanner or SCANNER, where="--scanner")
+    described = Path(scanner) if scanner and is_scanner_file(scanner) else None
     captures = recording or ([] if not survey else None)
     if dialect is not None and not captures:
         raise ConfigError("a dialect without clouds", where="--dialect", allowed="with --recording")
-    for path in write_study(folder, known, positions, captures, dialect):
+    if described and dialect is None:
+        raise ConfigError(
+            f"{scanner!r} describes a scanner whose packets are not read",
+            where="--scanner",
+            allowed=", ".join(SCANNERS),
+            hint="Give clouds of points of it with --recording, and their program with --dialect.",
+        )
+    for path in write_study(folder, known, positions, captures, dialect, described):
         say(f"wrote {path}")
     if captures is not None:
         say(_unsurveyed(folder, known, bool(captures)))

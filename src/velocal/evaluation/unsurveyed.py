@@ -4,8 +4,8 @@ There may be one recording or many: the scanner may be moved, turned and tilted 
 lasers are the same in all, every recording has planes of its own.
 
 The planes are those found in the data. They are unknowns, and adjusted together with the lasers.
-What all lasers have in common is hardly seen then: the means of dl and alpha over the lasers stay
-at the factory's, unless the data decide them clearly better than the unit's own spread
+What all lasers have in common is hardly seen then: the means of dl, alpha and v over the lasers
+stay at the factory's, unless the data decide them clearly better than the unit's own spread
 (`UnitCalibration.common`). Upright planes alone do not show a trend of dl with the sine of the
 vertical angle either, because all of them tilt with it. The covariance contains both.
 """
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
 from velocal.adjustment.unit.adjust import adjust_unit
+from velocal.adjustment.unit.common_mean import CERTAIN, GivenMean
 from velocal.adjustment.unit.result import NAMES, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
@@ -43,6 +44,9 @@ FLATNESS_M = 0.005
 LEAST_SHARE = 0.5
 #: Spread over the lasers of an angle that is not adjusted, radians.
 _HELD_RAD = 1e-7
+#: Spread of v over the lasers by which its mean is judged at least, radians: that of usual units.
+#: Where all lasers are wrong alike, the data show nearly no spread.
+USUAL_V_RAD = float(np.deg2rad(0.05))
 #: Resamples of the bootstrap, and its seed.
 _RESAMPLES, _SEED = 2000, 1
 
@@ -193,6 +197,7 @@ def unsurveyed_settings(
         UnitSettings.recommended(scanner, prior=prior, factory=parameters),
         hold_below=0.0,
         learn_relief=True,
+        least_spread={"v": USUAL_V_RAD},
     )
 
 
@@ -249,8 +254,11 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     -------
     UnitCalibration
         The variances of the angles that are not adjusted are those of the unit as the data show
-        them. The covariance contains what errors of this size do to the distances. What the data
-        say of the mean of such an angle is stated (`CommonPart.by_survey`), and not corrected.
+        them. The covariance contains what errors of this size do to the distances. The mean of
+        such an angle is corrected if the planes decide on it (`CommonPart.decided`), if they know
+        it better than the lasers differ from each other, and if it is larger than 4.5 times its
+        standard deviation, as where a file is wrong for all lasers alike; otherwise it is only
+        stated (`CommonPart.by_survey`).
 
     Raises
     ------
@@ -276,6 +284,17 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     if not held:
         return found
     spread = {one.name.removeprefix("sigma_"): one.rms for one in found.population}
+    # Where all lasers are taken to have the same angle, its mean seems to be known too well.
+    free = {one.name: one for one in found.common if one.name in held}
+    # Where surfaces are uneven, a mean that is not there reaches three or four times its standard
+    # deviation. Only what is clearer than that moves all points.
+    means = {
+        name: GivenMean(one.value, one.std)
+        for name, one in free.items()
+        if not one.at_factory
+        and abs(one.by_survey) > CERTAIN * one.by_survey_std
+        and one.by_survey_std < max(spread[name], settings.least_spread.get(name, 0.0))
+    }
     result = adjust_unit(
         stations,
         factory,
@@ -283,17 +302,34 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
             settings,
             prior={**(settings.prior or {}), **held},
             least_std={**settings.least_std, **{name: spread[name] for name in held}},
+            least_spread={},
+            means=means,
         ),
     )
-    # Where all lasers are taken to have the same angle, its mean seems to be known too well.
-    free = {one.name: one for one in found.common if one.name in held}
-    common = [
-        replace(one, by_survey=free[one.name].by_survey, by_survey_std=free[one.name].by_survey_std)
-        if one.name in free
-        else one
-        for one in result.common
-    ]
-    return replace(result, common=tuple(common))
+    common = {one.name: one for one in result.common}
+    for name, one in free.items():
+        common[name] = (
+            one
+            if name in means
+            else replace(common[name], by_survey=one.by_survey, by_survey_std=one.by_survey_std)
+        )
+    return replace(result, common=tuple(common.values()))
+
+
+def fitted_residuals(cloud: Cloud, plane: FieldPlane) -> Array:
+    """Residuals s of the points of a plane about the plane that is fitted to them, metres.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        Points of its recording, by any calibration.
+    plane : FieldPlane
+
+    Returns
+    -------
+    ndarray, shape (points,)
+    """
+    return cloud.s(plane.rows, fit_plane(cloud.xyz[plane.rows]).plane)
 
 
 def divisions(recordings: Sequence[Seen]) -> list[frozenset[PlaneKey]]:
@@ -376,7 +412,11 @@ def leave_out(
             after = Cloud.from_beams(seen.cloud, unit.calibration.adjusted) if judged else None
             for plane in judged:
                 laser = seen.cloud.laser_id[plane.rows]
-                s = [_residuals(each, plane) for each in (seen.cloud, after) if each is not None]
+                s = [
+                    fitted_residuals(each, plane)
+                    for each in (seen.cloud, after)
+                    if each is not None
+                ]
                 moments.append([[np.bincount(laser, e**k, lasers) for k in range(3)] for e in s])
                 found.append((seen.name, plane, unit))
     # By plane, before and after, power of s, and laser.
@@ -477,6 +517,12 @@ def _datum(unit: UnitCalibration) -> list[str]:
         f"{relative * 1e3:.1f} mm"
     )
     turned = "a common correction of alpha is a turn of the scanner frame and stays at zero"
+    if not common["v"].at_factory:
+        turned += (
+            "; the planes show that all beams are "
+            f"{np.rad2deg(common['v'].value):.2f} deg higher than the file says, with a standard "
+            f"deviation of {np.rad2deg(common['v'].std):.2f} deg, and this is applied"
+        )
     ranges = (
         f"the planes lie at {near:.1f} to {far:.1f} m; at other ranges the corrections are not "
         "tested"
@@ -496,11 +542,6 @@ def _loose(plane: FieldPlane, points: Array) -> Array:
     root[3, :2] = -centre @ axes * turn
     root[3, 2] = LOOSE_M
     return np.asarray(root @ root.T)
-
-
-def _residuals(cloud: Cloud, plane: FieldPlane) -> Array:
-    """Residuals s of the points of a plane about the plane that is fitted to them."""
-    return cloud.s(plane.rows, fit_plane(cloud.xyz[plane.rows]).plane)
 
 
 def _std(sums: Array) -> Array:

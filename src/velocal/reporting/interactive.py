@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.evaluation.residual_map import STEP_DEG
+from velocal.evaluation.residual_map import STEP_DEG, ResidualMap
 
 #: Residuals are in units of 0.1 mm, coordinates in units of 2 mm.
 RESIDUAL_M, COORDINATE_M = 1e-4, 2e-3
@@ -28,14 +28,14 @@ class SampleMap:
     Attributes
     ----------
     sample, scanner, position : str
+        The position of a sample without a survey is empty.
     after : str
         Name of the calibration of ``after_m``.
     planes : sequence of str
         Names of the planes.
     corners_m : sequence of ndarray, shape (n, 3)
         Their corners in the scanner frame, metres; a curved or unbounded one has none.
-    columns : mapping of str to ndarray
-        Columns of `schemas.RESIDUAL_MAP`.
+    residuals : ResidualMap
     png : bytes
         The same as a picture.
     """
@@ -46,7 +46,7 @@ class SampleMap:
     after: str
     planes: Sequence[str]
     corners_m: Sequence[NDArray[Any]]
-    columns: Mapping[str, NDArray[Any]]
+    residuals: ResidualMap
     png: bytes
 
 
@@ -141,12 +141,14 @@ def payload(maps: Sequence[SampleMap], interior: Interior | None = None) -> str:
             "after": one.after,
             "planes": [name.replace("_", " ") for name in one.planes],
             "corners": [np.round(corners, 3).tolist() for corners in one.corners_m],
-            "laser": packed(one.columns["laser_id"], 1, "<u1"),
-            "plane": packed(one.columns["plane"], 1, "<u1"),
-            "azimuth_bin": packed(one.columns["azimuth_bin"], 1, "<u2"),
-            "before": packed(one.columns["before_m"], RESIDUAL_M, "<i2"),
-            "after_s": packed(one.columns["after_m"], RESIDUAL_M, "<i2"),
-            **{axis: packed(one.columns[f"{axis}_m"], COORDINATE_M, "<i2") for axis in "xyz"},
+            "laser": packed(one.residuals.laser_id, 1, "<u1"),
+            "plane": packed(one.residuals.plane, 1, "<u1"),
+            "azimuth_bin": packed(one.residuals.azimuth_bin, 1, "<u2"),
+            "before": packed(one.residuals.before_m, RESIDUAL_M, "<i2"),
+            "after_s": packed(one.residuals.after_m, RESIDUAL_M, "<i2"),
+            "x": packed(one.residuals.x_m, COORDINATE_M, "<i2"),
+            "y": packed(one.residuals.y_m, COORDINATE_M, "<i2"),
+            "z": packed(one.residuals.z_m, COORDINATE_M, "<i2"),
         }
         for one in maps
     ]

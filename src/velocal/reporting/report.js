@@ -404,7 +404,7 @@
     const limit = Number(holder.dataset.limitMm), samples = samplesOf(holder.dataset.scanner);
     const controls = document.createElement("p");
     controls.className = "controls";
-    const sampleSelect = choice("Recording", samples.map((one, i) => [i, `${one.sample} at ${one.position}`]));
+    const sampleSelect = choice("Recording", samples.map((one, i) => [i, one.position ? `${one.sample} at ${one.position}` : one.sample]));
     const stateSelect = choice("Calibration", STATES);
     const factor = document.createElement("input");
     Object.assign(factor, { type: "range", min: 0, max: 50, value: 10 });

@@ -28,7 +28,6 @@ from velocal.reporting.figures import methods, panels
 from velocal.reporting.interactive import Interior, SampleMap, payload
 from velocal.reporting.templates import environment, fixed
 from velocal.reporting.verdict import laser_note, verdict
-from velocal.scanner.models import scanner_named
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 from velocal.study import figures
 from velocal.survey.checks.findings import Finding
@@ -154,9 +153,11 @@ class Study:
     unsurveyed_units : sequence of UnsurveyedUnit
         Calibrations without a survey.
     unit_drifts : mapping of str to bytes
-        PNG pictures of the changes of their distances over time, by their names.
+        PNG pictures of the changes of distances over time, by scanner and name of a calibration.
     certificates : sequence of Certificate
         Of the calibrations of units.
+    range_sigma_m : mapping of str to float
+        Standard deviation of a distance in the datasheet, by scanner of a certificate.
     maps : sequence of SampleMap
         Residuals of every surveyed sample along the azimuth.
     interior : Interior or None
@@ -190,6 +191,7 @@ class Study:
     unsurveyed_units: Sequence[UnsurveyedUnit] = ()
     unit_drifts: Mapping[str, bytes] = field(default_factory=dict)
     certificates: Sequence[Certificate] = ()
+    range_sigma_m: Mapping[str, float] = field(default_factory=dict)
     maps: Sequence[SampleMap] = ()
     interior: Interior | None = None
     methods: pd.DataFrame | None = None
@@ -279,10 +281,11 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
     n_lasers = len(one.lasers)
     rms = [np.full(n_lasers, np.nan)] * 2
     if maps:
-        laser = np.concatenate([each.columns["laser_id"] for each in maps])
+        of = [each.residuals for each in maps]
+        laser = np.concatenate([each.laser_id for each in of])
         rms = [
-            root_mean_square(np.concatenate([each.columns[name] for each in maps]), laser, n_lasers)
-            for name in ("before_m", "after_m")
+            root_mean_square(np.concatenate(values), laser, n_lasers)
+            for values in ([each.before_m for each in of], [each.after_m for each in of])
         ]
     rows = [
         {
@@ -299,6 +302,9 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
         }
         for number, row in enumerate(one.lasers)
     ]  # fmt: skip
+    # Calibrations without a survey have a section of their own, which shows the picture.
+    unit = f"{one.scanner}/{one.name}"
+    surveyed = unit not in {each.name for each in study.unsurveyed_units}
     factory = study.factories.get(one.scanner)
     order = np.arange(n_lasers) if factory is None else np.argsort(factory.v, kind="stable")
     return {
@@ -308,7 +314,8 @@ def _lasers(one: Certificate, study: Study) -> dict[str, Any]:
         "rows": rows,
         "maps": maps,
         "order": order.tolist(),
-        "limit_mm": 3e3 * scanner_named(one.scanner).range_sigma_m,
+        "drift": study.unit_drifts.get(unit, b"") if surveyed else b"",
+        "limit_mm": 3e3 * study.range_sigma_m[one.scanner],
     }
 
 

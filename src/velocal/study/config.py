@@ -37,6 +37,8 @@ PanelName = Annotated[Text, Placeholder("{panel}")]
 TableNumber = Annotated[Literal["2", "3", "4", "5"], Placeholder('"2" ... "5"')]
 FigureNumber = Annotated[str, Field(pattern=r"^[0-9][0-9]$"), Placeholder('"NN"')]
 Kind = Literal["ideal", "real"]
+#: Scanner of a sample, which a file may describe; the samples tell which names there are.
+AnyScanner = Annotated[Name, Placeholder("{scanner}")]
 
 
 #: No part begins with a point: neither `..` nor a hidden folder.
@@ -191,7 +193,7 @@ class Unsurveyed(Section):
         "sample without any, planes are searched for",
     )
     search: PlaneSearch = Field(description="search for planes where no patch is given")
-    calibrations: dict[ScannerName, Annotated[dict[SetName, Names], Field(min_length=1)]] = Field(
+    calibrations: dict[AnyScanner, Annotated[dict[SetName, Names], Field(min_length=1)]] = Field(
         default={},
         description="samples of one unit on whose planes lasers and planes are adjusted together; "
         "the files lie where those of the other `calibrations` lie",
@@ -243,7 +245,7 @@ class StudyConfig(Section):
         description="samples on which all lasers, stations and planes of a unit are adjusted "
         "together to one calibration; its files lie beside those of the parameter sets",
     )
-    serials: dict[ScannerName, Text] = Field(
+    serials: dict[AnyScanner, Text] = Field(
         default={}, description="serial number of a scanner, for its certificate"
     )
     joint: Joint = Field(

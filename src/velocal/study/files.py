@@ -127,6 +127,8 @@ def _named(study: Study) -> Iterable[tuple[str, str]]:
         if not sample.is_remote:
             yield f"recording of sample {sample.name!r}", sample.recording
         yield f"calibration of sample {sample.name!r}", sample.calibration
+    for name, path in study.scanner_files.items():
+        yield f"description of scanner {name!r}", path
     if study.config.simulation:
         yield "simulation.world", study.config.simulation.world
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from velocal.calibration.dialects import DIALECTS
 from velocal.errors import ConfigError
 from velocal.io.written_tables import read_written_table
-from velocal.scanner.models import SCANNERS
+from velocal.scanner.models import SCANNERS, Scanner
 from velocal.study.model import (
     RESULTS_FOLDER,
     Name,
@@ -22,8 +23,10 @@ from velocal.study.model import (
     enum,
     fault,
     known_as,
+    near,
     validated,
 )
+from velocal.study.scanner_file import is_scanner_file, read_scanner
 from velocal.study.windows import WHOLE, WINDOWS
 
 #: What the column `calibration` may say instead of naming a file.
@@ -34,6 +37,29 @@ _DialectName = Annotated[str, known_as("dialect", DIALECTS), enum(DIALECTS)]
 _Any = BeforeValidator(lambda cell: None if cell == "" else cell)
 
 
+def _of_packets(name: str) -> str:
+    """Refuse a scanner that a file describes, where packets are read."""
+    if is_scanner_file(name):
+        raise fault(
+            f"{name!r} describes a scanner whose packets are not read",
+            allowed=SCANNERS,
+            hint="Only clouds of points without a survey may name such a file: give them in "
+            "`unsurveyed.samples`, with their `dialect`.",
+        )
+    return name
+
+
+def _named_or_file(name: str) -> str:
+    """Check the name of a scanner, unless a file describes it."""
+    if not is_scanner_file(name) and name not in SCANNERS:
+        raise fault(
+            f"unknown scanner {name!r}",
+            allowed=[*SCANNERS, "a YAML file that describes it"],
+            hint=near(name, SCANNERS),
+        )
+    return name
+
+
 class Row(Section):
     """What every row of a sample table says; cells are text, and numbers are read from it."""
 
@@ -42,7 +68,9 @@ class Row(Section):
     name: Name = Field(
         alias="sample", description="name of the recording: letters, digits, `_` and `-`; unique"
     )
-    scanner: ScannerName = Field(description="scanner that made the recording; `HDL-64E` is an S2")
+    scanner: Annotated[ScannerName, BeforeValidator(_of_packets)] = Field(
+        description="scanner that made the recording; `HDL-64E` is an S2"
+    )
     recording: Text = Field(
         description="path of the capture: records of 1206 or 1248 bytes, pcap, pcapng, any of "
         "them gzipped, or a file of a ROS bag (`docs/file-formats.md`); or an address "
@@ -95,6 +123,10 @@ class SurveyedSample(Sample):
 class UnsurveyedSample(Sample):
     """A recording without a survey, or a cloud of points."""
 
+    scanner: Annotated[str, AfterValidator(_named_or_file)] = Field(
+        description="scanner that made the recording, or, where that is a cloud, path of a YAML "
+        "file that describes the scanner (`docs/file-formats.md`)"
+    )
     dialect: Annotated[_DialectName | None, _Any] = Field(
         default=None,
         description="where the recording is a cloud of points: the program that computed them with "
@@ -120,6 +152,8 @@ class UnsurveyedSample(Sample):
                 allowed=["a file", NOMINAL],
                 hint="A cloud holds no packets: name the file that the program used.",
             )
+        if self.dialect is None and is_scanner_file(self.scanner):
+            _of_packets(self.scanner)
         return self
 
     @property
@@ -244,6 +278,69 @@ def with_embedded(
         path = embedded_path(results, source)
         found[name] = sample.model_copy(update={"calibration": path})
     return found
+
+
+@dataclass(frozen=True)
+class Described:
+    """A scanner that is not among `SCANNERS`.
+
+    Attributes
+    ----------
+    path : str
+        File that describes it.
+    scanner : Scanner
+    """
+
+    path: str
+    scanner: Scanner
+
+
+def with_described(
+    samples: Mapping[str, UnsurveyedSample], where: str
+) -> tuple[dict[str, UnsurveyedSample], dict[str, Described]]:
+    """Read the scanners that files describe, and put their names into the samples.
+
+    Parameters
+    ----------
+    samples : mapping of str to UnsurveyedSample
+    where : str
+        How to call the sample table in errors.
+
+    Returns
+    -------
+    samples : dict of str to UnsurveyedSample
+        With the name of the scanner in the place of the file.
+    described : dict of str to Described
+        By the name of the scanner.
+
+    Raises
+    ------
+    ConfigError
+        If a file is missing or wrong, or two of them describe scanners of one name.
+    """
+    found, described = dict(samples), dict[str, Described]()
+    for name, sample in samples.items():
+        path = sample.scanner
+        if not is_scanner_file(path):
+            continue
+        if not Path(path).is_file():
+            raise ConfigError(
+                f"scanner of sample {name!r}: no file {path!r}",
+                where=where,
+                allowed=f"a YAML file, {', '.join(SCANNERS)}",
+                hint="Paths are relative to the folder in which snakemake runs.",
+            )
+        scanner = read_scanner(path)
+        first = described.setdefault(scanner.name, Described(path, scanner))
+        if first.path != path:
+            raise ConfigError(
+                f"scanner of sample {name!r}: {path!r} and {first.path!r} both describe "
+                f"{scanner.name!r}",
+                where=where,
+                hint="Name one of the two files in all rows, or give the scanners two names.",
+            )
+        found[name] = sample.model_copy(update={"scanner": scanner.name})
+    return found, described
 
 
 def scanners_of(samples: Sequence[Row]) -> list[str]:

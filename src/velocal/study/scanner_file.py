@@ -20,7 +20,6 @@ from velocal.scanner.models import (
 )
 from velocal.study.model import Count, Name, NotNegative, Positive, Section, fault, validated
 
-_SUFFIXES = (".yaml", ".yml")
 #: Numbers of lasers, and raw distances in ticks, that a table of returns can hold.
 MOST_LASERS, MOST_TICKS = 256, 65535
 _Angles = Annotated[tuple[Annotated[float, Field(ge=-90, le=90)], ...], Field(strict=False)]
@@ -70,7 +69,12 @@ class ScannerFile(Section):
         for key in ("vertical_deg", "rotational_deg", "vertical_offset_m", "horizontal_offset_m"):
             given = len(getattr(self, key))
             if given != self.lasers and (given or key == "vertical_deg"):
-                raise fault(f"{given} values", key=key, allowed=[f"{self.lasers}, one a laser"])
+                raise fault(
+                    f"{given} values",
+                    key=key,
+                    allowed=[f"{self.lasers}, one a laser"],
+                    hint="Give a value for every laser, or correct `lasers`.",
+                )
         if self.name in SCANNERS:
             raise fault(f"{self.name!r} is known already", key="name", hint="Choose another name.")
         ticks = self.azimuth_bin_deg / AZIMUTH_TICK_DEG
@@ -147,6 +151,32 @@ def read_scanner(path: str | Path) -> Scanner:
     return validated(ScannerFile, content, str(path)).scanner()
 
 
+def is_scanner_file(name: str) -> bool:
+    """Whether a scanner is named by a file that describes it, which its suffix tells."""
+    return name.lower().endswith((".yaml", ".yml"))
+
+
+def given_scanner(name: str, description: Path | None) -> Scanner:
+    """Scanner as a rule gives it to a script: by its name, and by the file that describes it.
+
+    Parameters
+    ----------
+    name : str
+    description : Path or None
+        None for a scanner of `SCANNERS`.
+
+    Returns
+    -------
+    Scanner
+
+    Raises
+    ------
+    ConfigError
+        As `read_scanner`, or if no scanner of that name is known.
+    """
+    return scanner_named(name) if description is None else read_scanner(description)
+
+
 def scanner_of(name: str, *, where: str | None = None) -> Scanner:
     """Scanner by its name, or by the file that describes it.
 
@@ -166,6 +196,4 @@ def scanner_of(name: str, *, where: str | None = None) -> Scanner:
     ConfigError
         As `read_scanner`, or if no scanner of that name is known.
     """
-    if name.lower().endswith(_SUFFIXES):
-        return read_scanner(name)
-    return scanner_named(name, where=where)
+    return read_scanner(name) if is_scanner_file(name) else scanner_named(name, where=where)

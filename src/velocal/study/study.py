@@ -6,12 +6,12 @@ Every fault is one `ConfigError` that names the file, the row or key, and what i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from velocal.errors import ConfigError
-from velocal.scanner.models import SCANNERS
+from velocal.scanner.models import SCANNERS, Scanner
 from velocal.study.adjustment import Adjustment
 from velocal.study.config import (
     Coordinates,
@@ -26,12 +26,14 @@ from velocal.study.outputs import Validation
 from velocal.study.reduction import Assignment
 from velocal.study.samples import (
     NOMINAL,
+    Described,
     OutdoorSample,
     Row,
     SurveyedSample,
     UnsurveyedSample,
     read_samples,
     scanners_of,
+    with_described,
     with_embedded,
 )
 
@@ -49,12 +51,24 @@ class Study:
     unsurveyed : dict of str to UnsurveyedSample
     outdoor : dict of str to OutdoorSample
         Samples of panels outdoors.
+    described : dict of str to Described
+        Scanners of unsurveyed samples that files describe, by name.
     """
 
     config: StudyConfig
     surveyed: dict[str, SurveyedSample]
     unsurveyed: dict[str, UnsurveyedSample]
     outdoor: dict[str, OutdoorSample]
+    described: Mapping[str, Described] = field(default_factory=dict)
+
+    def scanner(self, name: str) -> Scanner:
+        """Scanner of a sample, by its name."""
+        return self.described[name].scanner if name in self.described else SCANNERS[name]
+
+    @property
+    def scanner_files(self) -> dict[str, str]:
+        """Files that describe scanners, by name; scanners that velocal knows have none."""
+        return {name: each.path for name, each in self.described.items()}
 
     @property
     def samples(self) -> dict[str, SurveyedSample | UnsurveyedSample]:
@@ -130,7 +144,7 @@ class Study:
     def unsurveyed_sigma_cm(self, sample: str) -> float:
         """Standard deviation of a distance of the scanner of an unsurveyed sample, centimetres."""
         stated = self.config.unsurveyed.sigma_cm if self.config.unsurveyed else None
-        return stated or 100.0 * SCANNERS[self.unsurveyed[sample].scanner].range_sigma_m
+        return stated or 100.0 * self.scanner(self.unsurveyed[sample].scanner).range_sigma_m
 
     def adjustment(self, scanner: str) -> Adjustment:
         """Section `adjustment` as it holds for a scanner; what is recommended if left out."""
@@ -245,6 +259,7 @@ def with_samples(settings: StudyConfig, where: str) -> Study:
     surveyed: dict[str, SurveyedSample] = {}
     unsurveyed: dict[str, UnsurveyedSample] = {}
     outdoor: dict[str, OutdoorSample] = {}
+    described: dict[str, Described] = {}
     if settings.samples:
         path = Path(settings.samples)
         surveyed_rows = read_samples(path, SurveyedSample, results)
@@ -255,12 +270,13 @@ def with_samples(settings: StudyConfig, where: str) -> Study:
             name: row.model_copy(update={"recording": str(folder / row.recording)})
             for name, row in read_samples(path, UnsurveyedSample, results).items()
         }
-        unsurveyed = with_embedded(rows, results, str(path))
+        named, described = with_described(rows, str(path))
+        unsurveyed = with_embedded(named, results, str(path))
     if settings.outdoor:
         path = Path(settings.outdoor.samples)
         outdoor_rows = read_samples(path, OutdoorSample, results)
         outdoor = with_embedded(outdoor_rows, results, str(path), embedded)
-    study = Study(settings, surveyed, unsurveyed, outdoor)
+    study = Study(settings, surveyed, unsurveyed, outdoor, described)
     _check_samples(study, where)
     _check_scanners(study, where)
     _check_selections(study, where)

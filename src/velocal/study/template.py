@@ -27,6 +27,7 @@ def write_study(
     positions: int,
     recordings: Sequence[Path] | None = None,
     dialect: str | None = None,
+    description: Path | None = None,
 ) -> list[Path]:
     """Write the files of a study, none of which may exist.
 
@@ -42,6 +43,8 @@ def write_study(
         captures that are still to be recorded. If left out, the study has a survey.
     dialect : str, optional
         Program that computed the points, where the recordings are clouds.
+    description : Path, optional
+        File that describes the scanner, where it is not among `SCANNERS`.
 
     Returns
     -------
@@ -64,6 +67,8 @@ def write_study(
     captures = [str(path.resolve()) for path in recordings or ()]
     values = {
         "scanner": scanner.name,
+        "scanner_cell": scanner.name if description is None else str(description.resolve()),
+        "described": description is not None,
         "scanners": ", ".join(SCANNERS),
         "origin_height_m": scanner.origin_height_m,
         "azimuth_bin_deg": scanner.azimuth_bin_ticks / 100,

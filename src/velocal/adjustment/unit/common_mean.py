@@ -8,6 +8,7 @@ that all lasers have at a station. This module is the choice of datum.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,20 @@ SHARP, DULL = 1.5, 2.5
 
 
 @dataclass(frozen=True)
+class GivenMean:
+    """Mean of a parameter over the lasers that another adjustment has found.
+
+    Attributes
+    ----------
+    value, std : float
+        Metres or radians.
+    """
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
 class CommonMean:
     """Distribution of the means of dl, alpha and v.
 
@@ -56,7 +71,13 @@ class CommonMean:
     decided: Array
 
 
-def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array) -> CommonMean:
+def common_mean(
+    mean: Array,
+    covariance: Array,
+    prior_std: Array,
+    spread: Array,
+    given: Mapping[str, GivenMean] | None = None,
+) -> CommonMean:
     """Decide on the means.
 
     Parameters
@@ -67,6 +88,8 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
         Standard deviations of this prior, which is taken out again.
     spread : ndarray, shape (3,)
         Standard deviations of dl, alpha and v over the lasers.
+    given : mapping of str to GivenMean, optional
+        Means that are not decided on here. The others are decided for these.
 
     Notes
     -----
@@ -85,13 +108,32 @@ def common_mean(mean: Array, covariance: Array, prior_std: Array, spread: Array)
     clear = (np.abs(by_survey) / by_survey_std - UNLIKELY) / (CERTAIN - UNLIKELY)
     sharp = np.clip((DULL - by_survey_std / spread) / (DULL - SHARP), 0.0, 1.0)
     decided = np.clip(np.maximum(better, sharp * np.minimum(clear, 1.0)), 0.0, 1.0)
-    mixture = _Mixture.of(by_survey, survey, spread)
-    centre, matrix = mixture.moments(decided)
-    # The same with equal weights, about the mean that was chosen.
-    all_open, spread_open = mixture.moments(np.ones(len(mean)))
-    risk = spread_open[0, 0] + (all_open[0] - centre[0]) ** 2
-    matrix[0, 0] += max(risk - matrix[0, 0], 0.0)
+    centre, matrix = np.zeros(len(mean)), np.zeros((len(mean), len(mean)))
+    left, left_survey = by_survey, survey
+    for place, name in enumerate(DATUM):
+        if given and name in given:
+            centre[place], matrix[place, place] = given[name].value, given[name].std ** 2
+            left, left_survey = _for_given(left, left_survey, place, given[name])
+    free = np.array([not given or name not in given for name in DATUM])
+    block = np.ix_(free, free)
+    mixture = _Mixture.of(left[free], left_survey[block], spread[free])
+    centre[free], matrix[block] = mixture.moments(decided[free])
+    if free[0]:
+        # The same with equal weights, about the mean that was chosen.
+        all_open, spread_open = mixture.moments(np.ones(int(free.sum())))
+        risk = spread_open[0, 0] + (all_open[0] - centre[0]) ** 2
+        matrix[0, 0] += max(risk - matrix[0, 0], 0.0)
     return CommonMean(centre, matrix, by_survey, by_survey_std, decided)
+
+
+def _for_given(
+    by_survey: Array, survey: Array, place: int, given: GivenMean
+) -> tuple[Array, Array]:
+    """What the survey says of the other means, for one that is given."""
+    by_one = survey[:, place] / survey[place, place]
+    said = by_survey - by_one * (by_survey[place] - given.value)
+    about = survey - np.outer(by_one, survey[place]) + np.outer(by_one, by_one) * given.std**2
+    return said, about
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 
-from velocal.adjustment.unit.common_mean import DATUM, CommonMean, common_mean
+from velocal.adjustment.unit.common_mean import DATUM, CommonMean, GivenMean, common_mean
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import UNKNOWNS, WITH_MEAN, symmetric_root
 from velocal.arrays import Array
@@ -67,7 +67,10 @@ def describe(
     values: Array,
     output: Array,
     survey: Mapping[str, NDArray[np.int64]],
+    *,
     least_std: Mapping[str, float] | None = None,
+    least_spread: Mapping[str, float] | None = None,
+    given: Mapping[str, GivenMean] | None = None,
 ) -> Description:
     """Describe a posterior.
 
@@ -80,8 +83,10 @@ def describe(
         Derivatives of the corrections by the unknowns of a laser.
     survey : mapping of str to ndarray of int
         Places of the errors of the survey among the common unknowns, by source.
-    least_std : mapping of str to float, optional
+    least_std, least_spread : mapping of str to float, optional
         See `UnitSettings`.
+    given : mapping of str to GivenMean, optional
+        `UnitSettings.means`.
 
     Notes
     -----
@@ -97,7 +102,11 @@ def describe(
     inverse = 0.5 * (inverse + inverse.T)
     # Choose the datum: replace the distribution of the means, and what depends on them.
     block = inverse[np.ix_(_DATUM, _DATUM)]
-    datum = common_mean(posterior.common[_DATUM], block, posterior.common_std[_DATUM], std[_DATUM])
+    usual = [(least_spread or {}).get(name, 0.0) for name in DATUM]
+    spread = np.maximum(std[_DATUM], usual)
+    datum = common_mean(
+        posterior.common[_DATUM], block, posterior.common_std[_DATUM], spread, given
+    )
     gain = np.linalg.solve(block, inverse[_DATUM]).T
     common = posterior.common + gain @ (datum.mean - posterior.common[_DATUM])
     block_root = symmetric_root(block)

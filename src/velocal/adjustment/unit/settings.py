@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from velocal.adjustment.unit.common_mean import GivenMean
 from velocal.errors import VelocalError
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import FAR_POINT_M, TWO_POINT, LaserParameters
@@ -14,7 +15,9 @@ from velocal.scanner.parameters import FAR_POINT_M, TWO_POINT, LaserParameters
 #: Parameters whose spread over the lasers is learnt, or given as a prior.
 LEARNT = ("dl", "alpha", "v", "scale", "voff", "hoff")
 #: Settings that are no sizes, or may be zero.
-_NOT_SIZES = ("prior", "hold_below", "pose_in_common", "least_std", "learn_relief")
+_NOT_SIZES = (
+    "prior", "hold_below", "pose_in_common", "least_std", "least_spread", "means", "learn_relief",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,12 @@ class UnitSettings:
         Standard deviations over the lasers, out of `LEARNT`, that the stated covariance contains at
         least, also where the estimate reckons with less; metres, radians, 1. That of `voff` is
         3 mm: one height of the scanner cannot tell its errors from those of v.
+    least_spread : mapping of str to float
+        Standard deviations over the lasers, of dl, alpha or v, by which a mean is judged at least:
+        a small spread of lasers that the data hardly show is no measure of what a mean may be;
+        metres, radians.
+    means : mapping of str to GivenMean
+        Means of dl, alpha or v over the lasers that are known already, and not decided on.
     far_point_m : float or None
         Range along the beam at which the distance correction of the factory holds, metres (25.04
         for scanners with a two-point file). The correction of the distance fades to zero there.
@@ -82,6 +91,8 @@ class UnitSettings:
     common_shift_m: float = 0.005
     offset_m: float = 0.0007
     least_std: Mapping[str, float] = field(default_factory=lambda: {"voff": 0.003})
+    least_spread: Mapping[str, float] = field(default_factory=dict)
+    means: Mapping[str, GivenMean] = field(default_factory=dict)
     far_point_m: float | None = None
     far_std_m: float = 0.01
     pose_in_common: float = 0.4
@@ -142,7 +153,8 @@ class UnitSettings:
                 where="settings of a unit",
                 allowed="from 0 to less than 1",
             )
-        for name, value in [*(self.prior or {}).items(), *self.least_std.items()]:
+        given = [(self.prior or {}), self.least_std, self.least_spread]
+        for name, value in (pair for each in given for pair in each.items()):
             if name not in LEARNT or not value > 0.0:
                 raise VelocalError(
                     f"standard deviation {value} of {name!r}",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.adjustment.unit.common_mean import GivenMean
 from velocal.adjustment.unit.describe import Description, describe
 from velocal.adjustment.unit.marginal import Posterior
 from velocal.adjustment.unit.model import (
@@ -41,10 +42,20 @@ class Stage:
     output: Array
     survey: Mapping[str, NDArray[np.int64]]
     least_std: Mapping[str, float]
+    least_spread: Mapping[str, float]
+    means: Mapping[str, GivenMean]
 
     def describe(self, posterior: Posterior, values: Array) -> Description:
         """Posterior in the form of a result."""
-        return describe(posterior, values, self.output, self.survey, self.least_std)
+        return describe(
+            posterior,
+            values,
+            self.output,
+            self.survey,
+            least_std=self.least_std,
+            least_spread=self.least_spread,
+            given=self.means,
+        )
 
 
 def noise_of(
@@ -87,6 +98,8 @@ def make_stage(
         output=_output(mean_range, settings.far_point_m),
         survey=survey,
         least_std=settings.least_std,
+        least_spread=settings.least_spread,
+        means=settings.means,
     )
 
 

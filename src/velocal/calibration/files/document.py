@@ -320,7 +320,9 @@ def tick_m(document: Document) -> float:
     return DISTANCE_TICK_M if np.isclose(found, DISTANCE_TICK_M, rtol=1e-6) else found
 
 
-def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
+def checked(
+    document: Document, n_lasers: int | None = None, scanner: str | None = None
+) -> CalibrationFile:
     """Check what a file holds, and take it as a calibration.
 
     Parameters
@@ -328,6 +330,8 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
     document : Document
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as there are.
+    scanner : str, optional
+        Name of the scanner, which a file may have described: then it is not among `SCANNERS`.
 
     Returns
     -------
@@ -376,11 +380,12 @@ def checked(document: Document, n_lasers: int | None = None) -> CalibrationFile:
         carried={name: columns[name] for name in carried},
     )
     ordered = [entries[laser] for laser in sorted(entries)]
-    if document.scanner is not None and document.scanner not in SCANNERS:
+    if document.scanner not in (None, scanner, *SCANNERS):
         raise CalibrationFileError(
             f"unknown scanner {document.scanner!r}",
             where=str(path),
             allowed=", ".join(SCANNERS),
+            hint="If a YAML file describes the scanner, name that file as the scanner.",
         )
     calibration = CalibrationFile(
         parameters,

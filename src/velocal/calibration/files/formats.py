@@ -131,7 +131,9 @@ def format_of(path: Path) -> Format:
         ) from None
 
 
-def read_calibration(path: str | Path, n_lasers: int | None = None) -> CalibrationFile:
+def read_calibration(
+    path: str | Path, n_lasers: int | None = None, *, scanner: str | None = None
+) -> CalibrationFile:
     """Read a calibration file of any format as it is, with all that it holds.
 
     Parameters
@@ -140,6 +142,8 @@ def read_calibration(path: str | Path, n_lasers: int | None = None) -> Calibrati
         Velodyne's XML, a ROS driver's YAML, or CSV or JSON of velocal.
     n_lasers : int, optional
         Number of lasers of the scanner; if None, as many as the file has.
+    scanner : str, optional
+        Name of the scanner, if a YAML file describes it (`read_scanner`).
 
     Returns
     -------
@@ -157,7 +161,7 @@ def read_calibration(path: str | Path, n_lasers: int | None = None) -> Calibrati
     >>> len(found.parameters), found.tick_m
     (32, 0.002)
     """
-    return checked(format_of(Path(path)).codec().parse(Path(path)), n_lasers)
+    return checked(format_of(Path(path)).codec().parse(Path(path)), n_lasers, scanner)
 
 
 def dialect_of(found: CalibrationFile, path: Path) -> Dialect:
@@ -229,7 +233,7 @@ def read_for(path: Path, scanner: Scanner) -> CalibrationFile:
         As `read_calibration`; also for a distance tick of another scanner, and for the calibration
         of another model.
     """
-    found = read_calibration(path, scanner.n_lasers)
+    found = read_calibration(path, scanner.n_lasers, scanner=scanner.name)
     check_fit(found.parameters.v, scanner, str(path), found.scanner)
     return _with_tick(found, scanner.distance_tick_m, path)
 

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from velocal.evaluation.residual_map import BINS, STEP_DEG, as_image
+from velocal.evaluation.residual_map import BINS, STEP_DEG, ResidualMap, as_image
 from velocal.reporting.style import finish, style
 
 #: Colours end at so many standard deviations of the datasheet.
 _LIMIT = 3.0
 _MARGIN_BINS = 6
+#: Height of the picture of a few lasers, inches: names of the axes need as much.
+_LEAST_HEIGHT = 3.9
 #: A plane narrower than this share of the picture gets no name.
 _LEAST_WIDTH = 0.04
+#: Share of the picture that the title of a panel takes.
+_OF_TITLE = 0.12
 
 
 def residual_images(
-    columns: Mapping[str, NDArray[Any]],
+    found: ResidualMap,
     planes: Sequence[str],
     order: Sequence[int],
     title: str,
@@ -33,8 +36,7 @@ def residual_images(
 
     Parameters
     ----------
-    columns : mapping of str to ndarray
-        Columns of `schemas.RESIDUAL_MAP`.
+    found : ResidualMap
     planes : sequence of str
         Names of the planes.
     order : sequence of int
@@ -49,17 +51,18 @@ def residual_images(
     -------
     Figure
     """
-    start = _start(columns["azimuth_bin"])
-    shown = (columns["azimuth_bin"].astype(np.int64) - start) % BINS
+    start = _start(found.azimuth_bin)
+    shown = (found.azimuth_bin.astype(np.int64) - start) % BINS
     width = int(shown.max(initial=0)) + 1 + _MARGIN_BINS
     n_lasers = len(order)
     limit_cm = _LIMIT * sigma_m * 1e2
     with style():
-        figure = Figure(figsize=(9.0, 2.2 + 0.055 * n_lasers))
+        figure = Figure(figsize=(9.0, max(2.2 + 0.055 * n_lasers, _LEAST_HEIGHT)))
         axes = [figure.add_subplot(2, 1, 1)]
         axes.append(figure.add_subplot(2, 1, 2, sharex=axes[0]))
-        for ax, state in zip(axes, ("before", "after"), strict=True):
-            image = np.roll(as_image(dict(columns), state, n_lasers, order), -start, axis=1)
+        states = (("before", found.before_m), ("after", found.after_m))
+        for ax, (state, residual_m) in zip(axes, states, strict=True):
+            image = np.roll(as_image(found, residual_m, order), -start, axis=1)
             drawn = ax.imshow(
                 image[:, :width] * 1e2, aspect="auto", origin="lower", cmap="RdBu_r",
                 vmin=-limit_cm, vmax=limit_cm, interpolation="nearest",
@@ -78,7 +81,8 @@ def residual_images(
         axes[1].set_xticks(angles - start * STEP_DEG)
         axes[1].set_xticklabels([f"{angle % 360.0:.0f}" for angle in angles])
         axes[1].set_xlabel("rotational angle [deg]")
-        _names(axes[0], shown, columns["plane"], planes, width)
+        if _names(axes[0], shown, found.plane, planes, width) < _OF_TITLE * width * STEP_DEG:
+            axes[0].set_title("before", pad=16.0)
         bar = figure.colorbar(drawn, ax=axes, extend="both", fraction=0.03, pad=0.01)
         bar.set_label("s [cm]")
         finish(figure, [], title, simulated=simulated)
@@ -100,13 +104,23 @@ def _names(
     plane: NDArray[np.integer],
     planes: Sequence[str],
     width: int,
-) -> None:
-    """Write the names of planes above the bins where they are seen most."""
+) -> float:
+    """Write the names of planes above the bins where they are seen most.
+
+    Returns
+    -------
+    float
+        Angle from the left at which the first name stands, degrees; infinite if there is none.
+    """
+    first = np.inf
     for number, name in enumerate(planes):
         bins = shown[plane == number]
         if len(bins) and np.ptp(bins) > _LEAST_WIDTH * width:
+            centre = float(np.median(bins)) * STEP_DEG
+            first = min(first, centre)
             ax.annotate(
-                name.replace("_", " "), (float(np.median(bins)) * STEP_DEG, 1.0),
+                name.replace("_", " "), (centre, 1.0),
                 xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
                 ha="center", fontsize=7.5,
             )  # fmt: skip
+    return first

@@ -25,7 +25,6 @@ from velocal.reporting.style import (
     reference,
     style,
 )
-from velocal.scanner.models import scanner_named
 
 #: A marker for every round of the colours.
 MARKERS = ("o", "s", "^", "D")
@@ -68,6 +67,7 @@ def field_planes(
     lasers: pd.DataFrame,
     facts: Mapping[str, Any],
     findings: Sequence[str],
+    n_lasers: int,
 ) -> Figure:
     """Draw the plan view of the points and the standard deviation of s per laser and plane.
 
@@ -84,13 +84,14 @@ def field_planes(
         deviation of the datasheet, drawn as a dashed line.
     findings : sequence of str
         Said below the title.
+    n_lasers : int
+        Of the scanner.
 
     Returns
     -------
     Figure
     """
     sigma_cm = float(facts["sigma_cm"])
-    n_lasers = scanner_named(facts["scanner"]).n_lasers
     title = "{sample}: {scanner}, {calibration} calibration".format(**facts)
     looks = {
         name: {

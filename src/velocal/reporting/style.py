@@ -15,7 +15,9 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MultipleLocator
@@ -80,14 +82,33 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
     """
     with style():
         _plain_texts(figure)
-        FigureCanvasAgg(figure)
-        for path, metadata in (
-            (svg, {"Date": None, "Creator": None}),
-            (png, {"Software": None}),
-        ):
-            drawn = io.BytesIO()
-            figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
-            write_blocks(path, [drawn.getvalue()])
+        written = io.BytesIO()
+        with _arranged(figure, FigureCanvasSVG) as canvas:
+            canvas.print_svg(written, metadata={"Date": None, "Creator": None})
+        write_blocks(svg, [written.getvalue()])
+        written = io.BytesIO()
+        with _arranged(figure, FigureCanvasAgg) as canvas:
+            canvas.print_png(written, metadata={"Software": None})
+        write_blocks(png, [written.getvalue()])
+
+
+@contextmanager
+def _arranged(figure: Figure, kind: type[FigureCanvasBase]) -> Iterator[Any]:
+    """Arrange the parts of a figure for a canvas, and do not arrange them while it is drawn.
+
+    `Figure.savefig` does the same, but draws the whole figure once more to arrange its parts.
+    """
+    canvas = kind(figure)
+    dpi, engine = figure.get_dpi(), figure.get_layout_engine()
+    figure.set_dpi(mpl.rcParams["savefig.dpi"])
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    figure.set_dpi(mpl.rcParams["savefig.dpi"])  # the canvas of SVG has changed it
+    yield canvas
+    figure.set_dpi(dpi)
+    if engine is not None:
+        figure.set_layout_engine(engine)
 
 
 def for_page(png: Path) -> bytes:

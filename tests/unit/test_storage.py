@@ -185,6 +185,34 @@ def test_csv(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "columns",
+    [
+        {"laser_id": [0, 1], "mean": [1 / 3, 1e-7], "used": [True, False], "name": ["a,b", 'c"d']},
+        {"mean": np.array([np.nan, -0.0]), "count": np.array([1, 2], np.uint16), "name": ["", "1"]},
+        {"far": np.array([1e16, np.inf]), "used": np.array([True, False]), "name": ["1", "02"]},
+        {"none": [], "name": []},
+        {"single": np.array([0.1, 2.5], np.float32)},
+        {"mixed": [1, "a", None, np.nan], "gap": [1, None, 2, 3], "name": ["NA", "nan", "x", "y"]},
+        {"name": np.array(["a", "b"]), "kind": np.array(["a", None], dtype=object)},
+    ],
+)
+@pytest.mark.parametrize("digits", [None, 2])
+def test_columns_are_written_and_read_as_by_pandas(columns, digits, tmp_path):
+    """Plain columns do without pandas, whose import takes longer than many jobs."""
+    path = tmp_path / "x.csv"
+    storage.write_csv(path, pd.DataFrame(columns), digits)
+    expected = path.read_bytes()
+    storage.write_csv(path, columns, digits)
+    assert path.read_bytes() == expected
+    frame = pd.read_csv(path)
+    found = storage.read_csv(path, text=["name"])
+    assert list(found) == list(frame.columns)
+    if "name" in found:
+        frame["name"] = pd.read_csv(path, dtype=str, na_filter=False)["name"]
+    pd.testing.assert_frame_equal(pd.DataFrame(found), frame, check_dtype=len(frame) > 0)
+
+
+@pytest.mark.parametrize(
     "schema",
     [value for value in vars(schemas).values() if isinstance(value, pa.Schema)],
     ids=lambda schema: schema.metadata[b"velocal.kind"].decode(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,6 +23,13 @@ if TYPE_CHECKING:
 
 #: Metadata key under which facts about a table are kept, as JSON.
 FACTS = b"velocal.facts"
+#: Texts that pandas reads as a truth value or as a missing number; few of our files have them.
+_READ_OTHERWISE = frozenset(
+    (
+        *("True", "TRUE", "true", "False", "FALSE", "false", "nan", "NaN", "-nan", "-NaN"),
+        *("None", "#N/A", "#NA", "<NA>", "N/A", "NA", "n/a", "NULL", "null"),
+    )
+)
 _DAMAGED = "If the file is there, it is damaged: delete it, and make it again."
 
 
@@ -99,14 +108,56 @@ def write_csv(
     path: Path, table: pd.DataFrame | Mapping[str, Any], digits: int | None = None
 ) -> None:
     """Write a CSV; floats with `digits` decimals, or shortest exact form if None."""
-    import pandas as pd  # only for CSV: its import takes longer than many jobs
+    write_text(path, _plain_csv(table, digits) or _csv_of_pandas(table, digits))
 
-    text = pd.DataFrame(table).to_csv(
+
+# The import of pandas takes longer than many jobs. It is needed only for tables of pandas, and for
+# columns in which numbers, names and gaps are mixed.
+
+
+def _csv_of_pandas(table: pd.DataFrame | Mapping[str, Any], digits: int | None) -> str:
+    """Text of a CSV of any columns."""
+    import pandas as pd
+
+    return pd.DataFrame(table).to_csv(
         index=False,
         lineterminator="\n",
         float_format=None if digits is None else f"%.{digits}f",
     )
-    write_text(path, text)
+
+
+def _plain_csv(table: pd.DataFrame | Mapping[str, Any], digits: int | None) -> str | None:
+    """Text of a CSV of plain columns, as pandas writes it; None if there are others."""
+    if not isinstance(table, Mapping) or not table:
+        return None
+    columns = [_plain_column(values, digits) for values in table.values()]
+    rows = [column for column in columns if column is not None]
+    if len(rows) < len(columns) or len({len(column) for column in rows}) > 1:
+        return None
+    text = io.StringIO()
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(table)
+    lines.writerows(zip(*rows, strict=True))
+    return text.getvalue()
+
+
+def _plain_column(values: Any, digits: int | None) -> list[Any] | None:
+    """What a CSV holds of an array of numbers, or of a list of numbers or names; else None."""
+    if isinstance(values, list):
+        types = set(map(type, values))
+        if types <= {str}:
+            return values
+        if not (types <= {int, float} or types <= {bool}):
+            return None
+        values = np.array(values)
+    if not isinstance(values, np.ndarray) or values.ndim != 1:
+        return None
+    if values.dtype.kind in "biu":
+        return list(values.tolist())
+    if values.dtype != np.float64:
+        return None
+    form = repr if digits is None else f"{{:.{digits}f}}".format
+    return ["" if math.isnan(value) else form(value) for value in values.tolist()]
 
 
 class TableWriter:
@@ -289,6 +340,12 @@ def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, 
     StorageError
         If the file is missing or damaged.
     """
+    found = _read_plain_csv(path, text)
+    return _read_by_pandas(path, text) if found is None else found
+
+
+def _read_by_pandas(path: Path, text: Sequence[str]) -> dict[str, np.ndarray[Any, Any]]:
+    """Read any CSV, or say what is wrong with it."""
     import pandas as pd
 
     try:
@@ -299,3 +356,35 @@ def read_csv(path: Path, text: Sequence[str] = ()) -> dict[str, np.ndarray[Any, 
     except (OSError, ValueError) as error:
         raise StorageError(f"cannot be read: {error}", where=str(path), hint=_DAMAGED) from None
     return {str(name): table[name].to_numpy() for name in table.columns}
+
+
+def _read_plain_csv(path: Path, text: Sequence[str]) -> dict[str, np.ndarray[Any, Any]] | None:
+    """Read a CSV of numbers and names as pandas does; None if it is another one."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            names, *rows = csv.reader(file)
+    except (OSError, ValueError, csv.Error):
+        return None
+    if not rows or len(set(names)) < len(names) or {len(row) for row in rows} != {len(names)}:
+        return None
+    columns = {
+        name: np.array(values, dtype=object) if name in text else _values(values)
+        for name, values in zip(names, zip(*rows, strict=True), strict=True)
+    }
+    found = {name: values for name, values in columns.items() if values is not None}
+    return found if len(found) == len(columns) else None
+
+
+def _values(texts: Sequence[str]) -> np.ndarray[Any, Any] | None:
+    """Numbers, or names if one of the texts is none; None if pandas may read something else."""
+    if _READ_OTHERWISE.intersection(texts):
+        return None
+    try:
+        if "" not in texts:
+            return np.array([int(text) for text in texts], dtype=np.int64)
+    except (ValueError, OverflowError):
+        pass
+    try:
+        return np.array([float(text or "nan") for text in texts])
+    except ValueError:
+        return np.array([text or math.nan for text in texts], dtype=object)

@@ -17,32 +17,26 @@ from velocal.adjustment.lasers import adjust_all
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.stochastic import SurveyUncertainty
-from velocal.adjustment.unit.adjust import adjust_unit, readjust
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.calibration.dialects import near_effect
 from velocal.evaluation.holdout import JudgedCalibration, hold_out
-from velocal.evaluation.planes_in_data import Cloud, Search
 from velocal.evaluation.statistics import LaserStatistics, laser_statistics
-from velocal.evaluation.unsurveyed import (
-    PlaneKey,
-    Seen,
-    calibrate_unsurveyed,
-    unit_station_of,
-    unsurveyed_settings,
-)
 from velocal.reduction.assignment import Limits, assigned_and_expected, assigned_rows
 from velocal.reduction.medians import medians_of
 from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner, scanner_named
 from velocal.scanner.parameters import LaserParameters, nominal
 from velocal.study.adjustment import Adjustment
-from velocal.study.planes import PlaneSearch
 from velocal.survey.station import Station
 
-if TYPE_CHECKING:  # it imports pandas
+# What needs scipy or pandas is imported in the functions: jobs that adjust single lasers do not.
+if TYPE_CHECKING:
+    from velocal.evaluation.planes_in_data import Cloud
     from velocal.evaluation.stability import BinsOnPlanes
+    from velocal.evaluation.unsurveyed import PlaneKey, Seen
+    from velocal.study.planes import PlaneSearch
 
 
 def observe(
@@ -240,6 +234,8 @@ def calibrate_unit(
     >>> found.unit.calibration.names
     ('dl', 'alpha', 'v')
     """
+    from velocal.adjustment.unit.adjust import adjust_unit, readjust
+
     scanner = scanner_named(recordings[0][1].scanner)
     chosen = settings or UnitSettings.recommended(scanner, factory=factory)
     if near_points:
@@ -274,6 +270,8 @@ def points_of(beams: Beams, factory: LaserParameters, near_points: bool = True) 
     Cloud
         In the scanner frame.
     """
+    from velocal.evaluation.planes_in_data import Cloud
+
     if near_points:
         beams = _with_near_points(beams, factory)
     return Cloud.from_beams(beams, factory)
@@ -354,6 +352,12 @@ def calibrate_on_planes(
     VelocalError
         If no recording has a plane, or nothing is left to adjust on.
     """
+    from velocal.evaluation.unsurveyed import (
+        calibrate_unsurveyed,
+        unit_station_of,
+        unsurveyed_settings,
+    )
+
     factory = recordings[0].cloud.parameters
     known = scanner_named(scanner) if isinstance(scanner, str) else scanner
     chosen = settings or unsurveyed_settings(known, factory)
@@ -404,7 +408,10 @@ def calibrate_without_survey(
     >>> found.hold_out.by
     'plane'
     """
-    from velocal.evaluation.plane_search import find_planes  # here: scipy.spatial is slow to import
+    from velocal.evaluation.plane_search import find_planes
+    from velocal.evaluation.planes_in_data import Search
+    from velocal.evaluation.unsurveyed import Seen
+    from velocal.study.planes import PlaneSearch
 
     known = scanner_named(scanner, where="scanner") if isinstance(scanner, str) else scanner
     parameters = nominal(known) if factory is None else factory

@@ -142,7 +142,7 @@ def _plain_csv(table: pd.DataFrame | Mapping[str, Any], digits: int | None) -> s
 
 
 def _plain_column(values: Any, digits: int | None) -> list[Any] | None:
-    """What a CSV holds of an array of numbers, or of a list of numbers or names; else None."""
+    """What a CSV holds of an array or a list of numbers or of names; else None."""
     if isinstance(values, list):
         types = set(map(type, values))
         if types <= {str}:
@@ -152,7 +152,7 @@ def _plain_column(values: Any, digits: int | None) -> list[Any] | None:
         values = np.array(values)
     if not isinstance(values, np.ndarray) or values.ndim != 1:
         return None
-    if values.dtype.kind in "biu":
+    if values.dtype.kind in "biuU":
         return list(values.tolist())
     if values.dtype != np.float64:
         return None
@@ -203,6 +203,8 @@ def _to_arrow(values: Any, kind: pa.DataType) -> pa.Array:
     given = np.ascontiguousarray(values)
     if given.dtype == bool and pa.types.is_boolean(kind):
         given = np.packbits(given, bitorder="little")
+    elif pa.types.is_floating(kind) and given.dtype.kind == "f":
+        given = given.astype(kind.to_pandas_dtype(), copy=False)
     elif not pa.types.is_primitive(kind) or given.dtype != kind.to_pandas_dtype():
         return pa.array(values, type=kind)
     return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(given)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import Any
 
 from velocal.calibration.files import document as lasers
 from velocal.calibration.files.document import OWN_KEYS, CalibrationFile, Document
@@ -94,15 +95,10 @@ def write(path: Path, found: CalibrationFile) -> None:
             where=str(path),
             allowed=", ".join(STD_COLUMNS),
         )
-    import pandas as pd
-
-    values = pd.DataFrame(lasers.rows(path, parameters))
-    table = values[list(UNITS)].rename(columns=lambda name: OWN_KEYS[name][0])
-    table.insert(0, LASER_ID, range(len(parameters)))
-    for name, column in STD_COLUMNS.items():
-        if name in std:
-            table[column] = std[name]
-    for name in lasers.CARRIED:
-        if name in values:
-            table[OWN_KEYS[name][0]] = values[name]
+    rows = lasers.rows(path, parameters)
+    table: dict[str, Any] = {LASER_ID: list(range(len(rows)))}
+    table |= {OWN_KEYS[name][0]: [row[name] for row in rows] for name in UNITS}
+    table |= {column: std[name] for name, column in STD_COLUMNS.items() if name in std}
+    carried = [name for name in lasers.CARRIED if rows and name in rows[0]]
+    table |= {OWN_KEYS[name][0]: [row[name] for row in rows] for name in carried}
     storage.write_csv(path, table)

@@ -49,15 +49,19 @@ def package(tmp_path, monkeypatch):
     script.write_text("import numpy as np\nfrom velocal import a\n")
     monkeypatch.setattr(provenance, "PACKAGE", package)
 
+    def forget():
+        for cached in (provenance._source, provenance._module_files, provenance._imported_version):
+            cached.cache_clear()
+
     def digest(**modules):
         texts = {"__init__": "", "a": "def f():\n    return 1\n", "b": "y = 1\n"} | modules
         for name, text in texts.items():
             (package / f"{name}.py").write_text(text)
-        provenance._source.cache_clear()
+        forget()
         return provenance.library_digest(script)
 
     yield digest
-    provenance._source.cache_clear()
+    forget()
 
 
 def test_digest_changes_with_the_content(package):

@@ -31,8 +31,9 @@ class Source:
 
     Attributes
     ----------
-    content : bytes
-        Syntax tree of a module without comments and docstrings; bytes of a data file.
+    digest : bytes
+        Of the syntax tree of a module without comments and docstrings, or of the bytes of a data
+        file.
     files : frozenset of Path
         Modules of the package that it imports anywhere in its text, and data files beside it that
         it names.
@@ -40,7 +41,7 @@ class Source:
         Distributions of `IMPORTED` that it imports.
     """
 
-    content: bytes
+    digest: bytes
     files: frozenset[Path] = frozenset()
     distributions: frozenset[str] = frozenset()
 
@@ -71,7 +72,7 @@ def _is_text(node: ast.AST) -> bool:
 @cache
 def _source(path: Path) -> Source:
     if path.suffix != ".py":
-        return Source(path.read_bytes())
+        return Source(hashlib.sha256(path.read_bytes()).digest())
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
     beside = (path.parent, path.parent / "data") if path.is_relative_to(PACKAGE) else ()
@@ -89,11 +90,26 @@ def _source(path: Path) -> Source:
         if head != PACKAGE.name:
             continue
         for depth in range(len(rest) + 1):
-            place = PACKAGE.joinpath(*rest[:depth])
-            module = place.with_suffix(".py") if depth else place / "__init__.py"
-            files.update(file for file in (module, place / "__init__.py") if file.is_file())
+            files.update(_module_files(tuple(rest[:depth])))
     content = ast.dump(_without_docstrings(tree)).encode()
-    return Source(content, frozenset(files), frozenset(distributions))
+    return Source(hashlib.sha256(content).digest(), frozenset(files), frozenset(distributions))
+
+
+# These caches matter: every run of Snakemake begins with the digests of all scripts.
+
+
+@cache
+def _module_files(parts: tuple[str, ...]) -> tuple[Path, ...]:
+    """Files of a module of the package, if there is one of this name."""
+    place = PACKAGE.joinpath(*parts)
+    module = place.with_suffix(".py") if parts else place / "__init__.py"
+    return tuple(file for file in {module, place / "__init__.py"} if file.is_file())
+
+
+@cache
+def _imported_version(distribution: str) -> str:
+    """Version of a distribution that is there."""
+    return metadata.version(distribution)
 
 
 def _imports(tree: ast.AST) -> Iterator[str]:
@@ -132,7 +148,7 @@ def library_files(script: Path) -> list[Path]:
         file = open_.pop()
         done.add(file)
         open_ |= _source(file).files - done
-    return sorted(done)
+    return sorted(done, key=str)
 
 
 def library_digest(script: Path) -> str:
@@ -158,9 +174,9 @@ def library_digest(script: Path) -> str:
         source = _source(file)
         used |= source.distributions
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0")
-        digest.update(source.content + b"\0")
+        digest.update(source.digest)
     for name in sorted(used):
-        digest.update(f"{name} {metadata.version(name)}\0".encode())
+        digest.update(f"{name} {_imported_version(name)}\0".encode())
     return digest.hexdigest()[:16]
 
 

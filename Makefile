@@ -24,6 +24,8 @@ CHECK_PAGES := $(BIN)/python -m velocal.reporting.pages --check
 # Two processes work at once; threads of the linear algebra would only wait for each other.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# Every job imports the same modules: Python keeps them compiled, also where the environment says not to.
+export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

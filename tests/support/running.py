@@ -35,6 +35,8 @@ def environment(folder: Path) -> dict[str, str]:
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         "XDG_CACHE_HOME": str(folder / ".cache"),
+        # Every job imports the same modules: Python keeps them compiled, as `make` has it too.
+        "PYTHONDONTWRITEBYTECODE": "",
     }
 
 

@@ -32,11 +32,18 @@ def beams(phi: Array, alpha: Array, v: Array, voff: Array, hoff: Array) -> tuple
     direction, origin : ndarray, shape (n, 3)
         Scanner frame; the point at range L is ``L * direction + origin``.
     """
-    theta = phi - alpha
+    return _beams(phi - alpha, np.cos(v), np.sin(v), voff, hoff)
+
+
+def _beams(
+    theta: Array, flat: Array, steep: Array, voff: Array, hoff: Array
+) -> tuple[Array, Array]:
+    """Direction and origin, with cosine and sine of the vertical angles."""
     sine, cosine = np.sin(theta), np.cos(theta)
-    flat = np.cos(v)
-    direction = np.stack([flat * sine, flat * cosine, np.sin(v)], axis=-1)
-    origin = np.stack([-hoff * cosine, hoff * sine, voff], axis=-1)
+    direction = np.empty((*sine.shape, 3))
+    direction[..., 0], direction[..., 1], direction[..., 2] = flat * sine, flat * cosine, steep
+    origin = np.empty_like(direction)
+    origin[..., 0], origin[..., 1], origin[..., 2] = -hoff * cosine, hoff * sine, voff
     return direction, origin
 
 
@@ -57,10 +64,11 @@ def laser_beams(
     direction, origin : ndarray, shape (n, 3)
         As `beams` gives them.
     """
-    return beams(
-        phi,
-        parameters.alpha[laser_id],
-        parameters.v[laser_id],
+    # Every laser has one vertical angle: its cosine and sine are needed once.
+    return _beams(
+        phi - parameters.alpha[laser_id],
+        np.cos(parameters.v)[laser_id],
+        np.sin(parameters.v)[laser_id],
         parameters.voff[laser_id],
         parameters.hoff[laser_id],
     )

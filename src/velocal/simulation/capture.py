@@ -82,9 +82,11 @@ def shots_at(
     unit, truth = world.scanner(scanner.name), unit_truth(world, scanner.name)
     scene = place if isinstance(place, Scene) else site_scene(world, scanner_name, place)
     rows = np.arange(AZIMUTH_TICKS) if azimuths is None else np.unique(azimuths)
-    ticks = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
+    # A row for each laser: a column of the result lies in places of memory far from each other.
+    ticks = np.full((scanner.n_lasers, len(rows)), np.nan, dtype=np.float32)
     noise = np.zeros_like(ticks)
     intensity = np.zeros(ticks.shape, dtype=np.uint8)
+    errors = np.ascontiguousarray(scene.errors[rows].T)
     start = np.deg2rad(rows * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
@@ -95,13 +97,15 @@ def shots_at(
         length, surface = cast(
             scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
         )
-        measured = truth.raw(length, lasers) + scene.errors[rows, laser]
+        measured = truth.raw(length, lasers) + errors[laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
-        at = rows[seen]
-        ticks[at, laser] = measured[seen] / scanner.distance_tick_m
-        noise[at, laser] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
-        intensity[at, laser] = scene.reflectance[surface[seen]]
-    return Shots(ticks, noise, intensity)
+        ticks[laser, seen] = measured[seen] / scanner.distance_tick_m
+        noise[laser, seen] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
+        intensity[laser, seen] = scene.reflectance[surface[seen]]
+    every = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
+    found = Shots(every, np.zeros_like(every), np.zeros(every.shape, dtype=np.uint8))
+    found.ticks[rows], found.noise[rows], found.intensity[rows] = ticks.T, noise.T, intensity.T
+    return found
 
 
 def records(
@@ -228,8 +232,8 @@ def _measure(
     shots.reshape(-1)[where] += (size * rng.standard_normal(outliers)).astype(np.float32)
     lost = int(rng.binomial(shots.size, unit.dropout))
     shots.reshape(-1)[rng.integers(0, shots.size, lost)] = np.nan
-    ticks = np.clip(np.rint(np.nan_to_num(shots)), 0, 65535)
-    return np.asarray(ticks, dtype=np.uint16)
+    np.nan_to_num(shots, copy=False)
+    return np.asarray(np.clip(np.rint(shots, out=shots), 0, 65535, out=shots), dtype=np.uint16)
 
 
 def _packed(

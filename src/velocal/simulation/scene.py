@@ -76,11 +76,13 @@ class Surface:
 
     def meet(self, origin: Array, direction: Array) -> Array:
         """Range at which beams, shape (n, 3), meet the surface; infinite where they do not."""
-        towards = direction @ self.normal
+        # Height above the plane, and coordinates in it; then their changes along the beam.
+        axes = np.stack([self.normal, self.across, self.up])
+        from_height, from_a, from_b = axes @ origin.T - (axes @ self.corner)[:, None]
+        towards, along_a, along_b = axes @ direction.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            flat = (self.corner - origin) @ self.normal / towards
-            hit = origin + flat[:, None] * direction - self.corner
-            a, b = hit @ self.across, hit @ self.up
+            flat = -from_height / towards
+            a, b = from_a + flat * along_a, from_b + flat * along_b
             inside = (flat > 0) & (a >= 0) & (a <= self.size[0]) & (b >= 0) & (b <= self.size[1])
         if self.relief is not None:
             flat[inside] += self.relief(a[inside], b[inside]) / towards[inside]
@@ -231,7 +233,10 @@ def cast(
     index : ndarray of int, shape (n,)
         Of that surface; -1 if there is none.
     """
-    ranges = np.stack([surface.meet(origin, direction) for surface in surfaces.values()])
-    first = np.argmin(ranges, axis=0)
-    nearest = np.take_along_axis(ranges, first[None], axis=0)[0]
-    return nearest, np.where(np.isfinite(nearest), first, -1)
+    nearest = np.full(len(origin), np.inf)
+    first = np.full(len(origin), -1)
+    for number, surface in enumerate(surfaces.values()):
+        length = surface.meet(origin, direction)
+        nearer = length < nearest
+        nearest[nearer], first[nearer] = length[nearer], number
+    return nearest, first

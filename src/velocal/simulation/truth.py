@@ -93,7 +93,8 @@ class UnitTruth:
             True ranges, metres.
         laser : ndarray of int, shape (n,)
         """
-        return np.asarray(self.noise_m[laser] * np.sqrt(1.0 + (length / self.noise_range_m) ** 4))
+        square = (length / self.noise_range_m) ** 2
+        return np.asarray(self.noise_m[laser] * np.sqrt(1.0 + square * square))
 
 
 def unit_truth(world: World, scanner: str) -> UnitTruth:
@@ -214,9 +215,13 @@ class Drift:
         place = np.clip(2.0 * time_s / self.world.warmth.duration_s, 0.0, 2.0)
         left = np.minimum(place.astype(np.int64), 1)
         share = (place - left)[:, None]
-        between = self.windows[left] * (1.0 - share) + self.windows[left + 1] * share
-        warmth = self.world.temperature_k(self.sample, time_s)[:, None]
-        return np.asarray(self.steady + between + warmth * self.per_kelvin)
+        if len(left) and np.all(left == left[0]):  # as in most parts of a recording
+            left = left[:1]
+        found = self.windows[left] * (1.0 - share)
+        found += self.windows[left + 1] * share
+        found += self.steady
+        found += self.world.temperature_k(self.sample, time_s)[:, None] * self.per_kelvin
+        return np.asarray(found)
 
 
 def drift(world: World, scanner: str, sample: str) -> Drift:

@@ -1,6 +1,7 @@
 """Fit planes to the panels of an outdoor recording, with every calibration."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,9 @@ from velocal.recording.recording import open_recording
 from velocal.scanner.models import scanner_named
 from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
+
+#: All samples of a scanner are compared with the same sets.
+_read = cache(formats.read)
 
 
 @for_each("recording", "calibration", "sets", "ledger", "panels", "sample", "candidates", "units")
@@ -41,7 +45,7 @@ def main(
     opened = open_recording(recording, known)
     factory = formats.read_or_nominal(calibration, known)
     cloud = Cloud.from_beams(opened.returns("all").beams(), factory)
-    parameters = [formats.read(path, known.n_lasers) for path in sets]
+    parameters = [_read(path, known.n_lasers) for path in sets]
     sets_by_name = dict(zip(candidates, parameters, strict=True))
     compared = with_sets(factory, sets_by_name, units, near_points=near_points)
     place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)

@@ -1,11 +1,15 @@
 """Simulate the recording of one outdoor sample."""
 
+from functools import cache
 from pathlib import Path
 
 from velocal.io.scripts import for_each, run
 from velocal.io.storage import write_blocks
 from velocal.simulation import capture, world
 from velocal.simulation.outdoor import outdoor_scene
+
+#: All samples are of one world.
+_read = cache(world.read)
 
 
 @for_each("recording", "sample", "scanner", "scene")
@@ -19,7 +23,7 @@ def main(
     rotations: int,
 ) -> None:
     """Write the records that the scanner would have sent."""
-    simulated = world.read(world_file)
+    simulated = _read(world_file)
     duration_s = rotations / simulated.scanner(scanner).rotation_rate_hz
     around = outdoor_scene(simulated, scanner, scene, duration_s)
     write_blocks(recording, capture.records(simulated, scanner, around, sample, rotations))

@@ -53,11 +53,13 @@ class Panels:
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:
         """Rows of the points, shape (n, 3) in the scanner frame, inside a panel's box."""
         sine, cosine = np.sin(self.azimuth_rad), np.cos(self.azimuth_rad)
-        x, y, z = xyz.T
-        turned = np.column_stack([x * cosine - y * sine, x * sine + y * cosine, z])
-        ahead = (self.distance_m - self.depth_m, self.distance_m + self.depth_m)
+        low, high = self.distance_m - self.depth_m, self.distance_m + self.depth_m
+        ahead = xyz[:, 0] * sine + xyz[:, 1] * cosine
+        near = np.flatnonzero((ahead >= low) & (ahead <= high))  # few of all points
+        x, y, z = xyz[near].T
+        turned = np.column_stack([x * cosine - y * sine, ahead[near], z])
         box = self.boxes[name]
-        return patch_points(turned, Box(x_m=box.across_m, y_m=ahead, z_m=box.up_m))
+        return near[patch_points(turned, Box(x_m=box.across_m, y_m=(low, high), z_m=box.up_m))]
 
 
 def fit_panels(cloud: Cloud, panels: Panels, limits: PlaneLimits, where: str) -> list[FieldPlane]:

@@ -90,8 +90,9 @@ class Returns:
         Beams
             Distances in metres, rotational angles in radians, and lasers.
         """
-        first = np.unique(self.rotation)[:rotations]
-        chosen = (self.distance > 0) & np.isin(self.rotation, first)
+        chosen = self.distance > 0
+        if rotations is not None:
+            chosen &= np.isin(self.rotation, np.unique(self.rotation)[:rotations])
         return Beams.from_ticks(self[chosen].columns(), self.scanner, self.rotation_rate_hz)
 
     def medians(self, *, azimuth_bin_deg: float | None = None, min_count: int = 5) -> Beams:

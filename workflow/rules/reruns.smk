@@ -121,7 +121,7 @@ def with_all_before(targets):
     While files that were once made from it are there, it would not be missed: the next run would
     say "Nothing to be done", and results of before the change would pass for new ones.
     """
-    found, seen, open_ = {}, set(), [*targets]
+    found, seen, jobs, open_ = {}, set(), set(), [*targets]
     while open_:
         path = open_.pop()
         if isinstance(path, list):
@@ -133,8 +133,13 @@ def with_all_before(targets):
         maker = next((rule for rule in workflow.rules if rule.is_producer(path)), None)
         if maker is None:
             continue
-        wildcards = Wildcards(fromdict=maker.get_wildcards(path))
+        values = maker.get_wildcards(path)
         found[path] = None
+        job = maker.name, *sorted(values.items())
+        if job in jobs:
+            continue  # it makes other files too
+        jobs.add(job)
+        wildcards = Wildcards(fromdict=values)
         open_ += maker.expand_input(wildcards)[0]
         open_ += maker.expand_output(wildcards)[0]
     return list(found)

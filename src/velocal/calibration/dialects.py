@@ -246,9 +246,11 @@ class Dialect:
         ndarray, shape (n, 3)
             Scanner frame of this project, metres.
         """
-        v, voff, hoff = (getattr(parameters, name)[laser_id] for name in ("v", "voff", "hoff"))
+        voff, hoff = parameters.voff[laser_id], parameters.hoff[laser_id]
         theta = azimuth - parameters.alpha[laser_id] if self.alpha else azimuth
-        sine, cosine, flat, steep = np.sin(theta), np.cos(theta), np.cos(v), np.sin(v)
+        sine, cosine = np.sin(theta), np.cos(theta)
+        # Every laser has one vertical angle: its cosine and sine are needed once.
+        flat, steep = np.cos(parameters.v)[laser_id], np.sin(parameters.v)[laser_id]
         shift = self.reach * voff * steep
         dl = parameters.dl[laser_id]
         along_x = along_y = along_z = dl
@@ -288,8 +290,9 @@ def near_effect(
         return np.zeros(len(distance_m))
     moved = MANUAL.points(distance_m, phi, laser_id, parameters)
     moved -= PAPER.points(distance_m, phi, laser_id, parameters)
-    theta, v = phi - parameters.alpha[laser_id], parameters.v[laser_id]
-    beam = np.stack([np.cos(v) * np.sin(theta), np.cos(v) * np.cos(theta), np.sin(v)])
+    theta = phi - parameters.alpha[laser_id]
+    flat, steep = np.cos(parameters.v)[laser_id], np.sin(parameters.v)[laser_id]
+    beam = np.stack([flat * np.sin(theta), flat * np.cos(theta), steep])
     return np.asarray(np.einsum("in,ni->n", beam, moved))
 
 

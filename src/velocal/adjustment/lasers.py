@@ -98,7 +98,9 @@ class LaserProblem:
         if not np.isfinite(there.matrix).all():
             return np.inf
         with np.errstate(over="ignore"):
-            return self.solver.objective(replace(there, sigma_misclosure=here.sigma_misclosure))
+            return self.solver.objective(
+                System(there.matrix, there.w, here.sigma_misclosure, there.prior_std, there.shift)
+            )
 
     def solutions(self, blocks: Mapping[int, Block[System]]) -> dict[int, Step]:
         """Solve the systems at the final parameters, for all their rows."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -73,13 +73,15 @@ class LaserParameters:
         -------
         LaserParameters
         """
-        changed = {name: getattr(self, name) + value for name, value in corrections.items()}
+        # Not by `replace`, which is slow: this is done for every linearisation of every laser.
+        values = {name: getattr(self, name) for name in PARAMETERS}
+        values |= {name: values[name] + value for name, value in corrections.items()}
         carried = dict(self.carried)
         if "dl" in corrections:
             for near in NEAR_POINT:
                 if near in carried:
                     carried[near] = carried[near] + corrections["dl"]
-        return replace(self, carried=carried, **changed)
+        return LaserParameters(**values, carried=carried)
 
 
 def nominal(scanner: Scanner) -> LaserParameters:

@@ -8,6 +8,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from typing_extensions import TypeAliasType
 
 from velocal.errors import StorageError
@@ -182,6 +184,15 @@ def test_csv(tmp_path):
     assert path.read_bytes() == b"laser,std_cm\n1,0.1\n2,0.3333333333333333\n"
     storage.write_csv(path, table, digits=2)
     assert path.read_bytes() == b"laser,std_cm\n1,0.10\n2,0.33\n"
+
+
+@given(st.lists(st.text("0123456789+-.eE_ inaf٣,", max_size=6), min_size=1, max_size=4))
+def test_texts_are_numbers_where_they_are_for_pandas(tmp_path_factory, texts):
+    path = tmp_path_factory.getbasetemp() / "texts.csv"
+    pd.DataFrame({"row": range(len(texts)), "text": texts}).to_csv(path, index=False)
+    found = pd.DataFrame(storage.read_csv(path))
+    expected = pd.read_csv(path)
+    pd.testing.assert_frame_equal(found, expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -381,12 +381,18 @@ def _values(texts: Sequence[str]) -> np.ndarray[Any, Any] | None:
     """Numbers, or names if one of the texts is none; None if pandas may read something else."""
     if _READ_OTHERWISE.intersection(texts):
         return None
-    try:
-        if "" not in texts:
-            return np.array([int(text) for text in texts], dtype=np.int64)
-    except (ValueError, OverflowError):
-        pass
-    try:
-        return np.array([float(text or "nan") for text in texts])
-    except ValueError:
-        return np.array([text or math.nan for text in texts], dtype=object)
+    # Python takes 1_000 and digits of other scripts for numbers.
+    together = "".join(texts)
+    if together.isascii() and "_" not in together:
+        try:
+            if "" not in texts:
+                return np.array([int(text) for text in texts], dtype=np.int64)
+        except OverflowError:
+            return None
+        except ValueError:
+            pass
+        try:
+            return np.array([float(text or "nan") for text in texts])
+        except ValueError:
+            pass
+    return np.array([text or math.nan for text in texts], dtype=object)

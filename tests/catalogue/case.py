@@ -6,13 +6,14 @@ import contextlib
 import io
 import json
 import os
-import resource
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from unittest.mock import patch
+
+from support.running import small_disk
 
 from velocal.cli import main
 from velocal.errors import VelocalError
@@ -106,7 +107,7 @@ def run(case: Case, folder: Path) -> Result:
     Result
     """
     case.make(folder)
-    with _inside(folder), _captured() as (out, err), _small_disk(case.disk_bytes):
+    with _inside(folder), _captured() as (out, err), small_disk(case.disk_bytes):
         try:
             code: int | str = _command(case.command)
         except VelocalError as error:
@@ -181,17 +182,6 @@ def _inside(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
-
-
-@contextlib.contextmanager
-def _small_disk(largest: int | None) -> Iterator[None]:
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    if largest is not None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @contextlib.contextmanager

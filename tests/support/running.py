@@ -1,10 +1,12 @@
 """Real Snakemake runs in a temporary copy of the project: the checkout's results stay untouched."""
 
+import contextlib
 import os
 import resource
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,13 +61,31 @@ def completed(
         _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (max_file_bytes, hard))
 
+    # Python would keep the part of a compiled module that fits, and could not import it again.
+    also = {} if max_file_bytes is None else {"PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable, "-m", *command],
         cwd=folder,
-        env=environment(folder),
+        env=environment(folder) | also,
         capture_output=True,
         text=True,
         check=False,
         timeout=1200,
         preexec_fn=None if max_file_bytes is None else limit,
     )
+
+
+@contextlib.contextmanager
+def small_disk(largest: int | None) -> Iterator[None]:
+    """No file of this process may become larger; none for no limit."""
+    if largest is None:
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    compiled, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # as for `completed`
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = compiled

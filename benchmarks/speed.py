@@ -31,6 +31,11 @@ from velocal.io.markup import inserted
 
 PAGE = ROOT / "docs/performance.md"
 FIGURE = ROOT / "docs/images/scaling.svg"
+#: Parts of the page, in its order.
+SECTIONS = (
+    "machine", "decoding", "medians", "parquet", "points", "adjustment", "starts", "scaling",
+    "workflow", "five_minutes",
+)  # fmt: skip
 #: Free space for the recordings, bytes.
 SPACE = 5e9
 PROGRAMS = ("velodyne-decoder", "dpkt", "numpy", "pandas", "polars", "duckdb", "pyarrow")
@@ -91,7 +96,7 @@ def main() -> None:
     """Measure, print the tables, and write them into the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
-    parser.add_argument("--only", nargs="*")
+    parser.add_argument("--only", nargs="*", choices=SECTIONS)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--rotations", type=int, default=100)
     given = parser.parse_args()
@@ -119,7 +124,7 @@ def main() -> None:
             "workflow": lambda: workflow(folder, "recordings of 33 s"),
             "five_minutes": lambda: workflow(folder, "recordings of five minutes"),
         }
-        for section in given.only or [name for name in sections if name != "five_minutes"]:
+        for section in given.only or [name for name in SECTIONS if name != "five_minutes"]:
             texts[section] = sections[section]()
             print(f"## {section}\n\n{texts[section]}\n", flush=True)
     if given.write:

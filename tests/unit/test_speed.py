@@ -1,5 +1,7 @@
 """Measurements of speed: all framings hold the same packets, and missing programs are named."""
 
+import importlib
+import re
 import sys
 from pathlib import Path
 
@@ -21,6 +23,13 @@ def measure(monkeypatch):
 
     yield speed_measure
     del sys.modules["speed_measure"]
+
+
+def test_the_page_has_a_place_for_every_measurement(measure):
+    """Before, all was measured, and then could not be written."""
+    speed = importlib.import_module("speed")
+    marks = re.findall("<!-- numbers: ([a-z_]+) ", speed.PAGE.read_text())
+    assert tuple(marks) == speed.SECTIONS
 
 
 @pytest.mark.parametrize("framing", ["pcap", "pcapng"])

@@ -427,9 +427,9 @@ def verdict(changes: Mapping[str, Changes]) -> str:
         tells = "a drift is shown" if found.significant else "no drift is shown"
         said.append(
             f"{many} {between}: {tells}; lasers relative to their mean {size:.1f} mm "
-            f"(by chance {known:.1f} mm, p = {found.lasers_p:.2g}), common up to "
+            f"(by chance {known:.2f} mm, {_told(found.lasers_p)}), common up to "
             f"{np.abs(found.common_m).max() * 1e3:.1f} mm (standard deviation "
-            f"{found.common_std_m.max() * 1e3:.1f} mm, p = {found.common_p:.2g})" + _moved(found)
+            f"{found.common_std_m.max() * 1e3:.1f} mm, {_told(found.common_p)})" + _moved(found)
         )
     return "\n".join(said)
 
@@ -466,6 +466,11 @@ def _undisturbed(y: Array, blocks: Blocks) -> tuple[NDArray[np.bool_], float]:
     return np.asarray(size < _FAR_OFF * usual), usual
 
 
+def _told(probability: float) -> str:
+    """Probability of a test for people."""
+    return f"p = {probability:.2g}" if probability >= 0.001 else "p < 0.001"
+
+
 def _moved(found: Changes) -> str:
     """Say by how much the scanner has moved, and what is left out."""
     if found.movement is None:
@@ -474,7 +479,7 @@ def _moved(found: Changes) -> str:
     turn, shift = (np.linalg.norm(each) for each in (spread[:3], spread[3:]))
     return (
         f"; the scanner moved by {shift * 1e3:.1f} mm and {np.rad2deg(turn):.3f} deg, "
-        f"{found.disturbed:.0%} of the angles are left out as disturbed"
+        f"{found.disturbed * 100:.0f} % of the angles are left out as disturbed"
     )
 
 

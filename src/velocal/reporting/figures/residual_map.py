@@ -15,7 +15,7 @@ from velocal.reporting.style import finish, style
 #: Colours end at so many standard deviations of the datasheet.
 _LIMIT = 3.0
 _MARGIN_BINS = 6
-#: Height of the picture of a few lasers, inches: names of the axes need as much.
+#: Least height of the picture, inches: the names of the axes need as much.
 _LEAST_HEIGHT = 3.9
 #: A plane narrower than this share of the picture gets no name.
 _LEAST_WIDTH = 0.04
@@ -110,7 +110,7 @@ def _names(
     Returns
     -------
     float
-        Angle from the left at which the first name stands, degrees; infinite if there is none.
+        Angle from the left at which the first name stands, degrees; infinite if no plane is seen.
     """
     first = np.inf
     for number, name in enumerate(planes):

@@ -16,7 +16,7 @@ from velocal.chain import points_of
 from velocal.cli import app
 from velocal.evaluation.plane_search import find_planes
 from velocal.evaluation.planes_in_data import Search, fit_patches
-from velocal.evaluation.unsurveyed import Seen, adjust_unsurveyed, unsurveyed_settings
+from velocal.evaluation.unsurveyed import Seen, _datum, adjust_unsurveyed, unsurveyed_settings
 from velocal.io import storage
 from velocal.recording.cloud import read_cloud
 from velocal.recording.recording import open_recording
@@ -143,6 +143,7 @@ def test_the_common_vertical_angle_of_kitti_is_seen(tmp_path):
     assert (unit.determined[found.observed, 2] < 0.5).all()
     np.testing.assert_allclose(found.corrections[found.observed, 2], common.value, atol=1e-4)
     assert (found.std[found.observed, 2] > 0.9 * common.std).all()
+    assert "deg higher than the file says" in _datum(unit)[1]
 
 
 def test_a_scanner_that_a_file_describes(tmp_path):

@@ -518,10 +518,11 @@ def _datum(unit: UnitCalibration) -> list[str]:
     )
     turned = "a common correction of alpha is a turn of the scanner frame and stays at zero"
     if not common["v"].at_factory:
+        value, std = np.rad2deg([common["v"].value, common["v"].std])
         turned += (
-            "; the planes show that all beams are "
-            f"{np.rad2deg(common['v'].value):.2f} deg higher than the file says, with a standard "
-            f"deviation of {np.rad2deg(common['v'].std):.2f} deg, and this is applied"
+            f"; the planes show that all beams are {abs(value):.2f} deg "
+            f"{'higher' if value > 0.0 else 'lower'} than the file says, with a standard deviation "
+            f"of {std:.2f} deg, and this is applied"
         )
     ranges = (
         f"the planes lie at {near:.1f} to {far:.1f} m; at other ranges the corrections are not "

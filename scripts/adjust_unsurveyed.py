@@ -27,7 +27,7 @@ from velocal.scanner.beam import Beams
 from velocal.study.adjustment import Joint
 from velocal.study.outputs import DECODER, Export
 from velocal.study.planes import Judged
-from velocal.study.scanner_file import given_scanner
+from velocal.study.scanner_file import scanner_of
 
 
 def main(
@@ -58,7 +58,7 @@ def main(
 
     `samples` are those of every file of medians.
     """
-    known = given_scanner(scanner, description)
+    known = scanner_of(description or scanner)
     factory = formats.read_or_nominal(calibration, known)
     recordings, rates_hz = [], []
     for name, path, on_planes in zip(samples, medians, members, strict=True):

@@ -16,7 +16,7 @@ from velocal.reporting.figures.unsurveyed import field_planes
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
 from velocal.study.planes import Box, PlaneSearch
-from velocal.study.scanner_file import given_scanner
+from velocal.study.scanner_file import scanner_of
 
 
 def main(
@@ -37,7 +37,7 @@ def main(
     near_points: bool,
 ) -> None:
     """Write planes, the medians on them, statistics of s per plane and laser, and a picture."""
-    known = given_scanner(scanner, description)
+    known = scanner_of(description or scanner)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     parameters = read_or_nominal(calibration, known)
     beams = Beams.from_ticks(columns, known, facts["rotation_rate_hz"])

@@ -15,7 +15,7 @@ from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.residual_map import residual_images
 from velocal.reporting.style import save
 from velocal.scanner.beam import Beams
-from velocal.study.scanner_file import given_scanner
+from velocal.study.scanner_file import scanner_of
 
 
 @for_each(
@@ -42,7 +42,7 @@ def main(
 
     `judged` is the calibration `after`. Planes on which nothing was adjusted are named so.
     """
-    known = given_scanner(scanner, description)
+    known = scanner_of(description or scanner)
     factory = formats.read_or_nominal(calibration, known)
     columns, facts = storage.read_table(medians, schemas.MEDIANS)
     cloud = points_of(

@@ -46,22 +46,19 @@ def main(
     found = from_plain(JudgedCalibration, storage.read_json(judged), str(judged)).unit
     stations = {station.position: station for station in map(read_station, surveys)}
     stood = dict(zip(names, positions, strict=True))
-    warmth = {}
-    for name, recording, path, port, address in zip(
-        names, recordings, rotations, ports, addresses, strict=True
-    ):
-        index, source = read_index(path), SourceFilter(port, address)
-        for window in (each for sample, each in zip(samples, windows, strict=True)
-                       if sample == name):  # fmt: skip
-            chosen = window_rotations(index, window, length, str(recording))
-            warmth[name, window] = temperature_deg_c(recording, index, chosen, source)
+    sources = map(SourceFilter, ports, addresses)
+    recorded = dict(
+        zip(names, zip(recordings, map(read_index, rotations), sources, strict=True), strict=True)
+    )
     seen: dict[str, list[Observations]] = {}
     times: dict[str, list[tuple[str, str, float]]] = {}
     for path, sample, window in zip(assigned, samples, windows, strict=True):
-        position = stood[sample]
+        position, (recording, index, source) = stood[sample], recorded[sample]
         columns, _ = storage.read_table(path, schemas.ASSIGNED)
         seen.setdefault(position, []).append(stations[position].observations(columns))
-        times.setdefault(position, []).append((sample, window, warmth[sample, window]))
+        chosen = window_rotations(index, window, length, str(recording))
+        warmth = temperature_deg_c(recording, index, chosen, source)
+        times.setdefault(position, []).append((sample, window, warmth))
     compared = {
         position: stability.between_windows(each, found.calibration.adjusted)
         for position, each in seen.items()

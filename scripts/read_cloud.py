@@ -9,7 +9,7 @@ from velocal.recording import cloud
 from velocal.recording.medians import write_medians
 from velocal.recording.motion import check_cloud_standing
 from velocal.recording.returns import write_table_of
-from velocal.study.scanner_file import given_scanner
+from velocal.study.scanner_file import scanner_of
 
 
 def main(
@@ -28,7 +28,7 @@ def main(
     min_count: int,
 ) -> None:
     """Write the returns and their medians as Parquet, and what was used of the cloud as JSON."""
-    known = given_scanner(scanner, description)
+    known = scanner_of(description or scanner)
     numbers = None if calibration is None else formats.read_for(calibration, known)
     found = cloud.read_cloud(recording, known, numbers, dialect=dialect, frame=frame, topic=address)
     check_cloud_standing(found.returns, str(recording))

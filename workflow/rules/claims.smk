@@ -8,7 +8,7 @@
 #       {results}/drift/temperature.csv   how the mean follows the temperature
 #       {results}/drift/drift.{svg,png}
 #       {results}/calibrations/{scanner}/{calibration}.drift.{csv,svg,png}   changes between the
-#                                         windows of every position, for every surveyed calibration
+#                                         windows of a position, for surveyed calibrations
 #       {results}/published/claims.{csv,md}          every claim with what was computed and a verdict
 #       {results}/published/light.{csv,svg,png}      samples with and without light, per laser
 #       {results}/published/offsets.{csv,svg,png}    voff and hoff adjusted too, per laser

@@ -73,7 +73,7 @@ class LaserParameters:
         -------
         LaserParameters
         """
-        # Not by `replace`, which is slow: this is done for every linearisation of every laser.
+        # Not by `replace`, which is slow: each linearisation of each laser calls this.
         values = {name: getattr(self, name) for name in PARAMETERS}
         values |= {name: values[name] + value for name, value in corrections.items()}
         carried = dict(self.carried)

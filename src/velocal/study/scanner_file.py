@@ -73,7 +73,7 @@ class ScannerFile(Section):
                     f"{given} values",
                     key=key,
                     allowed=[f"{self.lasers}, one a laser"],
-                    hint="Give a value for every laser, or correct `lasers`.",
+                    hint="Give one value for each laser, or correct `lasers`.",
                 )
         if self.name in SCANNERS:
             raise fault(f"{self.name!r} is known already", key="name", hint="Choose another name.")
@@ -156,33 +156,12 @@ def is_scanner_file(name: str) -> bool:
     return name.lower().endswith((".yaml", ".yml"))
 
 
-def given_scanner(name: str, description: Path | None) -> Scanner:
-    """Scanner as a rule gives it to a script: by its name, and by the file that describes it.
-
-    Parameters
-    ----------
-    name : str
-    description : Path or None
-        None for a scanner of `SCANNERS`.
-
-    Returns
-    -------
-    Scanner
-
-    Raises
-    ------
-    ConfigError
-        As `read_scanner`, or if no scanner of that name is known.
-    """
-    return scanner_named(name) if description is None else read_scanner(description)
-
-
-def scanner_of(name: str, *, where: str | None = None) -> Scanner:
+def scanner_of(name: str | Path, *, where: str | None = None) -> Scanner:
     """Scanner by its name, or by the file that describes it.
 
     Parameters
     ----------
-    name : str
+    name : str or Path
         As in `SCANNERS`, or the path of a YAML file.
     where : str, optional
         Where the name stands, for the error.
@@ -196,4 +175,5 @@ def scanner_of(name: str, *, where: str | None = None) -> Scanner:
     ConfigError
         As `read_scanner`, or if no scanner of that name is known.
     """
-    return read_scanner(name) if is_scanner_file(name) else scanner_named(name, where=where)
+    named = str(name)
+    return read_scanner(named) if is_scanner_file(named) else scanner_named(named, where=where)

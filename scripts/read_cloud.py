@@ -6,9 +6,9 @@ from velocal.calibration.files import formats
 from velocal.io import storage
 from velocal.io.scripts import run
 from velocal.recording import cloud
-from velocal.recording.medians import write_medians
+from velocal.recording.medians import write_reduced
 from velocal.recording.motion import check_cloud_standing
-from velocal.recording.returns import write_table_of
+from velocal.recording.returns import table_facts
 from velocal.study.scanner_file import scanner_of
 
 
@@ -32,8 +32,10 @@ def main(
     numbers = None if calibration is None else formats.read_for(calibration, known)
     found = cloud.read_cloud(recording, known, numbers, dialect=dialect, frame=frame, topic=address)
     check_cloud_standing(found.returns, str(recording))
-    write_table_of(found.returns, returns)
-    write_medians(returns, medians, known, bin_ticks=azimuth_bin_ticks, min_count=min_count)
+    rotations, rate_hz = found.rotations, found.returns.rotation_rate_hz
+    facts = table_facts(known, rotations, rate_hz, "points")
+    limits = {"bin_ticks": azimuth_bin_ticks, "min_count": min_count}
+    write_reduced([found.returns], facts, returns, medians, known, **limits)
     storage.write_json(ledger, {"file": recording.name, "scanner": scanner, **found.as_dict()})
 
 

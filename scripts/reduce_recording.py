@@ -4,8 +4,8 @@ from pathlib import Path
 
 from velocal.capture.source import SourceFilter
 from velocal.io.scripts import for_each, run
-from velocal.recording.medians import write_medians
-from velocal.recording.returns import write_returns
+from velocal.recording.medians import write_reduced
+from velocal.recording.returns import returns_of, table_facts
 from velocal.recording.windows import read_index, window_rotations
 from velocal.scanner.models import scanner_named
 
@@ -30,8 +30,10 @@ def main(
     index = read_index(rotations)
     chosen = window_rotations(index, window, length, str(recording))
     known, source = scanner_named(scanner), SourceFilter(port, address)
-    write_returns(recording, index, chosen, known, returns, returns=which, source=source)
-    write_medians(returns, medians, known, bin_ticks=azimuth_bin_ticks, min_count=min_count)
+    parts = returns_of(recording, index, chosen, known, returns=which, source=source)
+    facts = table_facts(known, len(chosen), index.rate_for(known, chosen), which)
+    limits = {"bin_ticks": azimuth_bin_ticks, "min_count": min_count}
+    write_reduced(parts, facts, returns, medians, known, **limits)
 
 
 if "snakemake" in globals():

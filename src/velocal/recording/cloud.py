@@ -91,12 +91,16 @@ class CloudReturns:
         return self.points - sum(self.left_out.values())
 
     @property
+    def rotations(self) -> int:
+        """Scans with points that are used."""
+        return len(np.unique(self.returns.rotation))
+
+    @property
     def facts(self) -> dict[str, str]:
         """What is told of the cloud, by heading."""
         told = {
             "cloud": f"{self.kind}, points of {self.dialect}, axes of {self.frame}",
-            "points": f"{self.used} of {self.points} used, of "
-            f"{len(np.unique(self.returns.rotation))} scans",
+            "points": f"{self.used} of {self.points} used, of {self.rotations} scans",
             "lasers": self.lasers,
             "rotation rate": self.rate,
             "from the cones": f"{1e3 * self.residual_m:.2f} mm (median distance of a point from "
@@ -119,7 +123,7 @@ class CloudReturns:
             "gaps": 0,
             "packets_missing": 0,
             "duration_s": float("nan"),
-            "rotations_complete": len(np.unique(self.returns.rotation)),
+            "rotations_complete": self.rotations,
             "rotation_rate_hz": self.returns.rotation_rate_hz,
             "dialect": self.dialect,
             "frame": self.frame,

@@ -174,7 +174,7 @@ def write_returns(
         If `returns` is unknown.
     """
     rows = 0
-    facts = _facts(scanner, len(rotations), index.rate_for(scanner, rotations), returns)
+    facts = table_facts(scanner, len(rotations), index.rate_for(scanner, rotations), returns)
     with storage.table_writer(path, schemas.RETURNS, **facts) as writer:
         for part in returns_of(
             recording, index, rotations, scanner, progress, returns=returns, source=source
@@ -184,22 +184,23 @@ def write_returns(
     return rows
 
 
-def write_table_of(returns: Returns, path: Path) -> None:
-    """Write returns that are in memory, such as those of a cloud, as `write_returns` does.
+def table_facts(scanner: Scanner, rotations: int, rate_hz: float, returns: str) -> dict[str, Any]:
+    """Facts that are kept with a table of returns, and with their medians.
 
     Parameters
     ----------
-    returns : Returns
-    path : Path
-        Parquet file to write (`schemas.RETURNS`).
+    scanner : Scanner
+    rotations : int
+        Number of rotations.
+    rate_hz : float
+        Rotations in a second.
+    returns : str
+        Which returns these are, where a shot has two; "points" for those of a cloud.
+
+    Returns
+    -------
+    dict of str to object
     """
-    rotations = len(np.unique(returns.rotation))
-    facts = _facts(returns.scanner, rotations, returns.rotation_rate_hz, "points")
-    storage.write_table(path, schemas.RETURNS, returns.columns(), **facts)
-
-
-def _facts(scanner: Scanner, rotations: int, rate_hz: float, returns: str) -> dict[str, Any]:
-    """What is kept beside a table of returns."""
     return {
         "scanner": scanner.name,
         "rotations": rotations,

@@ -145,10 +145,11 @@ def _dense_medians(
     row = np.repeat(np.arange(len(bins)), firings)
     slot = np.arange(len(bin_id)) - begin[row]
     dense = np.full((len(bins), int(firings.max()), distance.shape[1]), _NOTHING)
-    values = distance[order]
-    dense[row, slot] = np.where(values == 0, _NOTHING, values)
-    count = np.add.reduceat(values != 0, begin, axis=0, dtype=np.int64)
+    # One less than each distance, so that 0, where nothing came back, wraps to the largest number:
+    # what does not count is sorted behind all distances.
+    dense[row, slot] = distance[order] - np.uint16(1)
     dense.sort(axis=1)
+    count = np.sum(dense != _NOTHING, axis=1)
     mean_azimuth = np.add.reduceat(azimuth[order].astype(np.float64), begin) / firings
 
     keep_bin, keep_laser = np.nonzero(count >= max(min_count, 1))
@@ -158,8 +159,8 @@ def _dense_medians(
         # Linear between order statistics, as numpy.quantile; the median is its 0.5.
         place = share * (n - 1)
         low = np.floor(place).astype(np.int64)
-        below = dense[keep_bin, low, keep_laser].astype(np.float64)
-        above = dense[keep_bin, np.minimum(low + 1, n - 1), keep_laser].astype(np.float64)
+        below = dense[keep_bin, low, keep_laser] + 1.0
+        above = dense[keep_bin, np.minimum(low + 1, n - 1), keep_laser] + 1.0
         return np.asarray(below + (place - low) * (above - below))
 
     spread = (quantile(0.75) - quantile(0.25)) / QUARTILES_PER_STD

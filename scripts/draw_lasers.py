@@ -1,5 +1,6 @@
 """One figure of statistics per laser with its numbers."""
 
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +11,12 @@ from velocal.io.scripts import for_each, run
 from velocal.reporting.figures.per_laser import draw_per_laser, per_laser
 from velocal.reporting.style import save
 from velocal.study.figures import LaserFigure
+
+
+@cache
+def _table(path: Path) -> pd.DataFrame:
+    """Table of statistics, which all figures of a job show."""
+    return pd.DataFrame(storage.read_csv(path, text=KEYS))
 
 
 @for_each("svg", "png", "csv", "selection", "sigma_cm")
@@ -25,10 +32,7 @@ def main(
     simulated: bool,
 ) -> None:
     """Write the figure as SVG and PNG and its numbers as CSV."""
-    of_lasers, of_windows = (
-        pd.DataFrame(storage.read_csv(path, text=KEYS)) for path in (lasers, summary)
-    )
-    numbers = per_laser(of_lasers, of_windows, selection)
+    numbers = per_laser(_table(lasers), _table(summary), selection)
     figure = draw_per_laser(numbers, selection, sigma_cm=sigma_cm, simulated=simulated)
     save(figure, svg, png)
     storage.write_csv(csv, numbers)

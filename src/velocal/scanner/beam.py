@@ -48,7 +48,7 @@ def _beams(
 
 
 def laser_beams(
-    phi: Array, laser_id: NDArray[np.integer], parameters: LaserParameters
+    phi: Array, laser_id: int | NDArray[np.integer], parameters: LaserParameters
 ) -> tuple[Array, Array]:
     """Unit direction and origin of the beams of lasers; equation (3).
 
@@ -56,7 +56,7 @@ def laser_beams(
     ----------
     phi : ndarray, shape (n,)
         Rotational angle, radians.
-    laser_id : ndarray of int, shape (n,)
+    laser_id : int or ndarray of int, shape (n,)
     parameters : LaserParameters
 
     Returns

@@ -90,17 +90,16 @@ def shots_at(
     start = np.deg2rad(rows * AZIMUTH_TICK_DEG)
     rate = 2.0 * np.pi * unit.rotation_rate_hz
     for laser in range(scanner.n_lasers):
-        lasers = np.full(len(rows), laser)
         # The head rotates further until a laser fires that is late in its firing.
         phi = start + rate * scanner.azimuth_delay_s[laser]
-        direction, origin = laser_beams(phi, lasers, truth.parameters)
+        direction, origin = laser_beams(phi, laser, truth.parameters)
         length, surface = cast(
             scene.surfaces, scene.pose.apply(origin), direction @ scene.pose.rotation.T
         )
-        measured = truth.raw(length, lasers) + errors[laser]
+        measured = truth.raw(length, laser) + errors[laser]
         seen = np.isfinite(length) & (length >= unit.min_range_m) & (measured > 0)
         ticks[laser, seen] = measured[seen] / scanner.distance_tick_m
-        noise[laser, seen] = truth.noise(length[seen], lasers[seen]) / scanner.distance_tick_m
+        noise[laser, seen] = truth.noise(length[seen], laser) / scanner.distance_tick_m
         intensity[laser, seen] = scene.reflectance[surface[seen]]
     every = np.full((AZIMUTH_TICKS, scanner.n_lasers), np.nan, dtype=np.float32)
     found = Shots(every, np.zeros_like(every), np.zeros(every.shape, dtype=np.uint8))

@@ -69,19 +69,19 @@ class UnitTruth:
     noise_m: Array
     noise_range_m: float
 
-    def raw(self, length: Array, laser: NDArray[np.integer]) -> Array:
+    def raw(self, length: Array, laser: int | NDArray[np.integer]) -> Array:
         """Raw distances without noise, metres.
 
         Parameters
         ----------
         length : ndarray, shape (n,)
             True ranges, metres.
-        laser : ndarray of int, shape (n,)
+        laser : int or ndarray of int, shape (n,)
         """
         stretched = self.range_scale[laser] * np.minimum(length, self.far_point_m)
         return np.asarray(length + stretched - self.parameters.dl[laser])
 
-    def noise(self, length: Array, laser: NDArray[np.integer]) -> Array:
+    def noise(self, length: Array, laser: int | NDArray[np.integer]) -> Array:
         """Standard deviations of shots, metres.
 
         Constant at short range, and growing with the square of the range at long range, as in
@@ -91,7 +91,7 @@ class UnitTruth:
         ----------
         length : ndarray, shape (n,)
             True ranges, metres.
-        laser : ndarray of int, shape (n,)
+        laser : int or ndarray of int, shape (n,)
         """
         square = (length / self.noise_range_m) ** 2
         return np.asarray(self.noise_m[laser] * np.sqrt(1.0 + square * square))
@@ -213,15 +213,10 @@ class Drift:
             Seconds since the start of the experiment, see `World.represented_s`.
         """
         place = np.clip(2.0 * time_s / self.world.warmth.duration_s, 0.0, 2.0)
-        left = np.minimum(place.astype(np.int64), 1)
-        share = (place - left)[:, None]
-        if len(left) and np.all(left == left[0]):  # as in most parts of a recording
-            left = left[:1]
-        found = self.windows[left] * (1.0 - share)
-        found += self.windows[left + 1] * share
-        found += self.steady
-        found += self.world.temperature_k(self.sample, time_s)[:, None] * self.per_kelvin
-        return np.asarray(found)
+        windows = np.maximum(1.0 - np.abs(place[:, None] - np.arange(3)), 0.0)
+        warmth = self.world.temperature_k(self.sample, time_s)
+        shares = np.column_stack([windows, np.ones_like(place), warmth])
+        return np.asarray(shares @ np.vstack([self.windows, self.steady, self.per_kelvin]))
 
 
 def drift(world: World, scanner: str, sample: str) -> Drift:

@@ -18,8 +18,8 @@ from velocal.scanner.models import scanner_named
 from velocal.study.planes import Panel, PanelFit
 from velocal.study.samples import OutdoorSample
 
-#: All samples of a scanner are compared with the same sets.
-_read = cache(formats.read)
+#: All samples of a scanner have the same factory calibration, and are compared with the same sets.
+_factory, _read = cache(formats.read_or_nominal), cache(formats.read)
 
 
 @for_each("recording", "calibration", "sets", "ledger", "panels", "sample", "candidates", "units")
@@ -43,12 +43,13 @@ def main(
     """
     known = scanner_named(sample.scanner)
     opened = open_recording(recording, known)
-    factory = formats.read_or_nominal(calibration, known)
-    cloud = Cloud.from_beams(opened.returns("all").beams(), factory)
+    factory = _factory(calibration, known)
     parameters = [_read(path, known.n_lasers) for path in sets]
     sets_by_name = dict(zip(candidates, parameters, strict=True))
     compared = with_sets(factory, sets_by_name, units, near_points=near_points)
     place = Panels(sample.distance_m, float(np.deg2rad(sample.azimuth_deg)), boxes, fit.depth_m)
+    beams = place.possible(opened.returns("all").beams(), factory)
+    cloud = Cloud.from_beams(beams, factory)
     planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
     heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
     rows = [heading | row for row in panel_rows(cloud, planes, compared)]

@@ -16,7 +16,9 @@ from velocal.paper import outdoor
 from velocal.recording.recording import open_recording
 from velocal.reporting.figures import panels as panels_figure
 from velocal.reporting.style import save
+from velocal.scanner.beam import Beams
 from velocal.scanner.models import SCANNERS
+from velocal.scanner.parameters import nominal
 from velocal.simulation import capture, truth
 from velocal.simulation.outdoor import Person, outdoor_scene
 from velocal.study.planes import Panel, PanelFit
@@ -43,6 +45,26 @@ def fitted(cloud, distance_m=10.0, **fit):
     wanted = PanelFit(**(FIT | fit))
     panels = Panels(distance_m, np.deg2rad(8.0), BOXES, wanted.depth_m)
     return fit_panels(cloud, panels, PlaneLimits.from_fit(wanted), "sample 'x'")
+
+
+@pytest.mark.parametrize("distance_m", [0.7, 3.0, 10.0])
+@pytest.mark.parametrize("name", ["HDL-64E", "HDL-32E"])
+def test_no_return_in_a_box_is_left_out_by_its_azimuth(name, distance_m):
+    """Also with panels so near that the offsets of the lasers from the axis matter."""
+    rng, n = np.random.default_rng(3), 100_000
+    design = nominal(SCANNERS[name])
+    alpha, hoff = rng.normal(0.0, 0.05, len(design)), rng.normal(0.0, 0.04, len(design))
+    factory = design.corrected({"alpha": alpha, "hoff": hoff})
+    distance, phi = rng.uniform(0.1, 15.0, n), rng.uniform(0.0, 8.0, n)
+    every = Beams(distance, phi, rng.integers(0, len(design), n), 0.002)
+    place = Panels(distance_m, np.deg2rad(8.0), BOXES, 0.6)
+    some = place.possible(every, factory)
+    assert len(some) < (0.4 if distance_m > 1.0 else 1.1) * n
+    clouds = [Cloud.from_beams(beams, factory) for beams in (every, some)]
+    for panel in BOXES:
+        inside = [cloud.phi[place.rows(cloud.xyz, panel)] for cloud in clouds]
+        assert len(inside[0]) > 50
+        np.testing.assert_array_equal(*inside)
 
 
 def with_kind(world, **changes):

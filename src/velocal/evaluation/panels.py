@@ -26,6 +26,8 @@ from velocal.evaluation.planes_in_data import (
 )
 from velocal.evaluation.statistics import laser_statistics
 from velocal.geometry.planes import fit_plane
+from velocal.scanner.beam import Beams
+from velocal.scanner.parameters import LaserParameters
 from velocal.study.planes import Box, Panel
 
 
@@ -49,6 +51,28 @@ class Panels:
     azimuth_rad: float
     boxes: Mapping[str, Panel]
     depth_m: float
+
+    def possible(self, beams: Beams, parameters: LaserParameters) -> Beams:
+        """Returns that may lie in one of the boxes, by their azimuth: few of all returns.
+
+        Parameters
+        ----------
+        beams : Beams
+            Returns.
+        parameters : LaserParameters
+
+        Returns
+        -------
+        Beams
+            Some of them, in their order.
+        """
+        aside = float(np.max(np.abs(parameters.hoff)))
+        nearest = self.distance_m - self.depth_m - aside
+        if nearest <= 0.0:  # a box may be all around
+            return beams
+        widest = max(max(map(abs, box.across_m)) for box in self.boxes.values()) + aside
+        off = beams.phi - parameters.alpha[beams.laser_id] - self.azimuth_rad
+        return beams[np.cos(off) >= np.cos(np.arctan2(widest, nearest))]
 
     def rows(self, xyz: Array, name: str) -> NDArray[np.int64]:
         """Rows of the points, shape (n, 3) in the scanner frame, inside a panel's box."""

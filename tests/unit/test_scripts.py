@@ -133,7 +133,7 @@ def each(*, data: Path | None, more: list[Path], table: Path, seed: int, name: s
 LISTS = {
     "input": {"data": ["a.csv"], "more": "all.csv"},
     "output": {"table": ["1.csv", "2.csv"]},
-    "params": {"library": "0123", "seed": [7, 8], "counts": {"data": [0, 1]}, "name": "x"},
+    "params": {"library": "0123", "seed": [7, 8], "taken": {"data": [[], [0]]}, "name": "x"},
 }
 
 
@@ -151,12 +151,13 @@ def test_several_files_of_one_input():
 
     given = job(
         input={"more": ["a", "b", "c"]},
-        output={"table": ["1", "2"]},
-        params={"counts": {"more": [1, 2]}},
+        output={"table": ["1", "2", "3"]},
+        params={"taken": {"more": [[0], [1, 2], [2, 0]]}},
     )
     assert [call["more"] for call in calls(several, given)] == [
         [Path("a")],
         [Path("b"), Path("c")],
+        [Path("c"), Path("a")],
     ]
 
 
@@ -164,7 +165,10 @@ def test_several_files_of_one_input():
     ("change", "message"),
     [
         ({"output": {"table": "1.csv"}}, "lists of different lengths: .*'table': 1"),
-        ({"input": {"data": ["a", "b"], "more": []}}, "2 files of 'data', but 1 counted"),
+        (
+            {"input": {"data": ["a", "b"], "more": []}},
+            r"2 files of 'data', but those taken are \[0\]",
+        ),
         ({"params": LISTS["params"] | {"seed": 7}}, "7 does not fit .allowed: a list"),
         ({"params": LISTS["params"] | {"seed": [7, "x"]}}, "'x' does not fit .allowed: int"),
     ],

@@ -249,7 +249,7 @@ rule prove_exports:
     log:
         f"{RESULTS}/logs/prove_exports.log",
     params:
-        counts=counts(**OF_EXPORTS),
+        taken=taken(**OF_EXPORTS),
         scanner=[scanner for scanner, _ in CANDIDATES],
         positions=[
             positions_per_window(samples_of_candidate(*each)) for each in CANDIDATES

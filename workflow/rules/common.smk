@@ -169,13 +169,20 @@ def samples_of_candidate(scanner, name):
 
 
 def grouped(groups):
-    """Files of every call of a script, one list after the other: an input with `counts`."""
-    return [path for group in groups for path in group]
+    """Files of all calls of a script, each once: an input with `taken`.
+
+    For each output of a job, Snakemake digests each of its inputs, as often as it is named.
+    """
+    return list(dict.fromkeys(path for group in groups for path in group))
 
 
-def counts(**groups):
-    """How many files every call takes, by name of the input (`velocal.io.scripts`)."""
-    return {name: [len(group) for group in each] for name, each in groups.items()}
+def taken(**groups):
+    """Which files of `grouped` every call takes, by name of the input (`velocal.io.scripts`)."""
+    found = {}
+    for name, each in groups.items():
+        numbers = {path: number for number, path in enumerate(grouped(each))}
+        found[name] = [[numbers[path] for path in group] for group in each]
+    return found
 
 
 def factory_paths(scanners):

@@ -160,7 +160,7 @@ rule map_unsurveyed:
     log:
         f"{RESULTS}/logs/map_unsurveyed.log",
     params:
-        counts=counts(**OF_UNSURVEYED_MAPS),
+        taken=taken(**OF_UNSURVEYED_MAPS),
         sample=list(UNSURVEYED_MAPS),
         scanner=[scanner for scanner, _ in UNSURVEYED_MAPS.values()],
         after=[name for _, name in UNSURVEYED_MAPS.values()],

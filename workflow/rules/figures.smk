@@ -61,7 +61,7 @@ rule draw_histogram:
     log:
         f"{RESULTS}/logs/draw_histogram.log",
     params:
-        counts=counts(residuals=OF_HISTOGRAMS),
+        taken=taken(residuals=OF_HISTOGRAMS),
         selection=[each.plain() for each in HISTOGRAMS.values()],
         sigma_cm=[STUDY.sigma_cm(each.scanner) for each in HISTOGRAMS.values()],
         simulated=bool(WORLD),
@@ -81,7 +81,7 @@ rule draw_corrections:
     log:
         f"{RESULTS}/logs/draw_corrections.log",
     params:
-        counts=counts(**OF_CORRECTIONS),
+        taken=taken(**OF_CORRECTIONS),
         selection=[each.plain() for each in CORRECTIONS.values()],
         set_names=[sets_drawn(each) for each in CORRECTIONS.values()],
         adjusted_for=[

@@ -40,7 +40,7 @@ rule draw_plan:
     log:
         f"{RESULTS}/logs/draw_plan.log",
     params:
-        counts=counts(**OF_PLANS),
+        taken=taken(**OF_PLANS),
         samples=[list(each.samples) for each in PLANS.values()],
         selection=[each.plain() for each in PLANS.values()],
         limits=lambda wildcards: STUDY.assignment.limits.plain(),

@@ -70,7 +70,7 @@ rule measure_panels:
     log:
         f"{RESULTS}/logs/measure_panels.log",
     params:
-        counts=counts(**OF_OUTDOOR),
+        taken=taken(**OF_OUTDOOR),
         sample=[each.plain() for each in STUDY.outdoor.values()],
         candidates=[
             list(STUDY.candidates(each.scanner)) for each in STUDY.outdoor.values()

@@ -129,7 +129,7 @@ rule map_residuals:
     log:
         f"{RESULTS}/logs/map_residuals.log",
     params:
-        counts=counts(**OF_MAPS),
+        taken=taken(**OF_MAPS),
         sample=MAPPED,
         scanner=MAPPED_ON,
         after=[STUDY.shown(scanner) for scanner in MAPPED_ON],

@@ -7,7 +7,7 @@ the two sides knows, and a value of another type, is one `ScriptError` before an
 A job that makes the same files for several windows or figures calls `main` once for each of them:
 `for_each` names the arguments of which the rule gives a list, with one value a call. So the start
 of Python and its imports are paid once a job, and `main` still does one thing. Where a call takes
-several files of an input, or perhaps none, the param `counts` of the rule says how many each takes.
+several files of an input, or perhaps none, the param `taken` of the rule says which each takes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from __future__ import annotations
 import inspect
 import signal
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from itertools import islice
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -26,10 +25,11 @@ from velocal.io.output import check_outputs, stopped_cleanly
 
 #: Params that tell Snakemake when to run a job again; no script takes them.
 TRIGGERS = frozenset({"library", "given"})
-#: Param that says how many files of an input each call of `main` takes, by name of the input.
-COUNTS = "counts"
+#: Param that says which files of an input each call of `main` takes: lists of their numbers in the
+#: input, by name of the input.
+TAKEN = "taken"
 #: Params that no `main` takes.
-NOT_TAKEN = TRIGGERS | {COUNTS}
+NOT_TAKEN = TRIGGERS | {TAKEN}
 
 _Main = TypeVar("_Main", bound=Callable[..., None])
 
@@ -150,14 +150,14 @@ def calls(main: Callable[..., None], job: Job) -> list[dict[str, Any]]:
     types = get_type_hints(main)
     separate = main.__dict__.get("for_each", ())
     lists = {name: _listed(given[name], f"rule {job.rule}, {name!r}") for name in separate}
-    for name, counts in dict(job.params.items()).get(COUNTS, {}).items():
-        if sum(counts) != len(lists[name]):
+    for name, taken in dict(job.params.items()).get(TAKEN, {}).items():
+        files, numbers = lists[name], {number for each in taken for number in each}
+        if numbers != set(range(len(files))):
             raise ScriptError(
-                f"{len(lists[name])} files of {name!r}, but {sum(counts)} counted",
+                f"{len(files)} files of {name!r}, but those taken are {sorted(numbers)}",
                 where=f"rule {job.rule}",
             )
-        files = iter(lists[name])
-        lists[name] = [_alone(list(islice(files, count))) for count in counts]
+        lists[name] = [_alone([files[number] for number in each]) for each in taken]
     lengths = {name: len(values) for name, values in lists.items()}
     if len(set(lengths.values())) > 1:
         raise ScriptError(f"lists of different lengths: {lengths}", where=f"rule {job.rule}")

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.stochastic import SurveyUncertainty
-from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.adjustment.unit.common_mean import CERTAIN, GivenMean
 from velocal.adjustment.unit.result import NAMES, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
@@ -265,6 +264,9 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     VelocalError
         If no recording has a plane.
     """
+    # It needs scipy, which the maps of residuals and the report, who use this module, do without.
+    from velocal.adjustment.unit.adjust import adjust_unit
+
     used = [each for each in recordings if each.planes]
     if not used:
         raise VelocalError(

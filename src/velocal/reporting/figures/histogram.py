@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ _BINS = 70
 _FAR = 1.5
 
 
-def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
+def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> dict[str, NDArray[Any]]:
     """Histogram of the residuals of one laser before and after, in the same bins.
 
     Parameters
@@ -32,7 +31,7 @@ def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame
+    dict of str to ndarray
         Columns ``from_cm``, ``to_cm``, ``before``, ``after`` (counts). Bins are symmetrical about
         zero and hold all residuals, or 99.8 % of them where the others are far away; what lies
         beyond is counted in an open bin at either end.
@@ -59,25 +58,27 @@ def histogram(before_m: NDArray[Any], after_m: NDArray[Any]) -> pd.DataFrame:
     # Whole multiples, so that edges print without digits of rounding.
     edges = np.round(np.arange(-half, half + 1) * width, 6) + 0.0
     bounds = np.concatenate([[-np.inf], edges, [np.inf]])
-    return pd.DataFrame(
-        {
-            "from_cm": bounds[:-1],
-            "to_cm": bounds[1:],
-            # Bins are closed below: [from, to).
-            "before": np.histogram(before, bounds)[0],
-            "after": np.histogram(after, bounds)[0],
-        }
-    )
+    return {
+        "from_cm": bounds[:-1],
+        "to_cm": bounds[1:],
+        # Bins are closed below: [from, to).
+        "before": np.histogram(before, bounds)[0],
+        "after": np.histogram(after, bounds)[0],
+    }
 
 
 def draw_histogram(
-    numbers: pd.DataFrame, selection: HistogramFigure, *, sigma_cm: float, simulated: bool
+    numbers: Mapping[str, NDArray[Any]],
+    selection: HistogramFigure,
+    *,
+    sigma_cm: float,
+    simulated: bool,
 ) -> Figure:
     """Draw the numbers of `histogram`: two panels with the same axes.
 
     Parameters
     ----------
-    numbers : DataFrame
+    numbers : mapping of str to ndarray
     selection : HistogramFigure
         Entry of the configuration.
     sigma_cm : float
@@ -89,8 +90,9 @@ def draw_histogram(
     -------
     Figure
     """
-    inner = numbers[np.isfinite(numbers["from_cm"]) & np.isfinite(numbers["to_cm"])]
-    edges = np.append(inner["from_cm"].to_numpy(), inner["to_cm"].to_numpy()[-1])
+    within = np.isfinite(numbers["from_cm"]) & np.isfinite(numbers["to_cm"])
+    inner = {name: values[within] for name, values in numbers.items()}
+    edges = np.append(inner["from_cm"], inner["to_cm"][-1])
     with style():
         figure = Figure(figsize=(7.0, 3.0))
         axes = figure.subplots(1, 2, sharex=True, sharey=True)

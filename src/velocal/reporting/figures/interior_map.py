@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -32,7 +31,7 @@ _PLATE = {"boxstyle": "round,pad=0.12", "facecolor": "white", "alpha": 0.8, "lin
 
 def section_table(
     part: Section, points: Mapping[str, NDArray[Any]], positions: Sequence[str]
-) -> pd.DataFrame:
+) -> dict[str, NDArray[Any]]:
     """Numbers of the section.
 
     Parameters
@@ -45,24 +44,24 @@ def section_table(
 
     Returns
     -------
-    DataFrame
+    dict of str to ndarray
         Columns ``position``, ``laser`` (counted from 1), and for each calibration
         ``along_{state}_m`` and ``across_{state}_cm`` (from the fitted line).
     """
-    columns: dict[str, Any] = {
+    columns: dict[str, NDArray[Any]] = {
         "position": np.array(positions)[points["position"][part.rows]],
         "laser": points["laser_id"][part.rows].astype(np.int64) + 1,
     }
     for state in STATES:
         columns[f"along_{state}_m"] = np.round(part.along[state], 4)
         columns[f"across_{state}_cm"] = np.round(part.across[state] * 1e2, 3) + 0.0
-    return pd.DataFrame(columns)
+    return columns
 
 
 def draw_map(
     xyz: Array,
     scanners: Mapping[str, Array],
-    numbers: pd.DataFrame,
+    numbers: Mapping[str, NDArray[Any]],
     selection: MapFigure,
     *,
     simulated: bool,
@@ -75,7 +74,7 @@ def draw_map(
         Points with the refined calibration, metres.
     scanners : mapping of str to ndarray, shape (3,)
         Where the scanner stood, by position.
-    numbers : DataFrame
+    numbers : mapping of str to ndarray
         Those of `section_table`.
     selection : MapFigure
         Entry of the configuration.
@@ -115,9 +114,9 @@ def draw_map(
     return figure
 
 
-def _symmetric(numbers: pd.DataFrame) -> tuple[float, float]:
+def _symmetric(numbers: Mapping[str, NDArray[Any]]) -> tuple[float, float]:
     """Scale of both panels: all but one point in a thousand."""
-    both = numbers[[f"across_{state}_cm" for state in STATES]].abs().to_numpy()
+    both = np.abs([numbers[f"across_{state}_cm"] for state in STATES])
     reach = 1.15 * float(np.quantile(both, 0.999))
     return -reach, reach
 
@@ -201,8 +200,10 @@ def _oblique(
     figure.colorbar(colours, ax=ax, label="height Z [m]", fraction=0.025, pad=0.01, extend="both")
 
 
-def _section(ax: Axes, numbers: pd.DataFrame, state: str, colour: str, label: str) -> None:
-    across = numbers[f"across_{state}_cm"].to_numpy()
+def _section(
+    ax: Axes, numbers: Mapping[str, NDArray[Any]], state: str, colour: str, label: str
+) -> None:
+    across = numbers[f"across_{state}_cm"]
     ax.axhline(0.0, color="black", linewidth=0.6)
     ax.plot(
         numbers[f"along_{state}_m"], across, ".", markersize=1.8, markeredgewidth=0.0,

@@ -37,6 +37,9 @@ def imported(module: str) -> set[str]:
         ("adjust_lasers", ("matplotlib", "pandas", "scipy")),
         ("residuals_validation", ("matplotlib", "pandas", "scipy")),
         ("average_set", ("matplotlib", "pandas", "scipy")),
+        ("map_residuals", ("pandas", "scipy")),
+        ("draw_histogram", ("pandas", "scipy")),
+        ("draw_map", ("pandas", "scipy")),
         ("make_table", ("matplotlib", "scipy.optimize")),
     ],
 )

@@ -15,6 +15,8 @@ from velocal.scanner.parameters import LaserParameters
 
 #: Index of no plane.
 NO_PLANE = 255
+#: Returns that are assigned at a time: their arrays fit into the cache of a processor.
+BLOCK = 16384
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ def _assign(
     beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Index of the patch of every return, and whether its beam meets any, whatever it measured."""
+    plane, meets = np.empty(len(beams), dtype=np.uint8), np.empty(len(beams), dtype=bool)
+    for start in range(0, len(beams), BLOCK):
+        rows = slice(start, start + BLOCK)
+        plane[rows], meets[rows] = _assign_block(beams[rows], parameters, patches, limits)
+    return plane, meets
+
+
+def _assign_block(
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     direction, origin = laser_beams(beams.phi, beams.laser_id, parameters)
     length = beams.distance_m + parameters.dl[beams.laser_id]
     nearest = np.full(len(beams), np.inf)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from velocal import arrays
 from velocal.geometry.planes import Patch, Plane
-from velocal.reduction import assignment
 from velocal.reduction.assignment import (
     NO_PLANE,
     Limits,
@@ -73,5 +73,5 @@ def test_returns_are_assigned_the_same_in_blocks(monkeypatch, n):
     patches, zero = [ahead("near", 4.0)], LaserParameters(*np.zeros((5, 1)))
     whole = assign(beams, zero, patches, LIMITS)
     assert (whole != NO_PLANE).any() == (n > 0)
-    monkeypatch.setattr(assignment, "BLOCK", 10)
+    monkeypatch.setattr(arrays, "BLOCK", 10)
     np.testing.assert_array_equal(assign(beams, zero, patches, LIMITS), whole)

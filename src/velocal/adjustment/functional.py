@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import Array
+from velocal.arrays import Array, blocks
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
@@ -84,10 +84,14 @@ def misclosure(
     ndarray, shape (n,)
         Metres; positive where the point lies behind the plane (measured too long).
     """
-    direction, origin = laser_beams(phi, laser_id, parameters)
-    towards = np.einsum("ni,ni->n", direction, normal)
-    length = scaled(distance_m, laser_id, scale) + parameters.dl[laser_id]
-    return np.asarray(length + (np.einsum("ni,ni->n", origin, normal) + offset) / towards)
+    s = np.empty(len(phi))
+    for rows in blocks(len(phi)):
+        laser, facing = laser_id[rows], normal[rows]
+        direction, origin = laser_beams(phi[rows], laser, parameters)
+        towards = np.einsum("ni,ni->n", direction, facing)
+        length = scaled(distance_m[rows], laser, scale) + parameters.dl[laser]
+        s[rows] = length + (np.einsum("ni,ni->n", origin, facing) + offset[rows]) / towards
+    return s
 
 
 def design(

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import blocks
 from velocal.geometry.planes import Patch
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
 
 #: Index of no plane.
 NO_PLANE = 255
-#: Returns that are assigned at a time: their arrays fit into the cache of a processor.
-BLOCK = 16384
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,7 @@ def _assign(
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Index of the patch of every return, and whether its beam meets any, whatever it measured."""
     plane, meets = np.empty(len(beams), dtype=np.uint8), np.empty(len(beams), dtype=bool)
-    for start in range(0, len(beams), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for rows in blocks(len(beams)):
         plane[rows], meets[rows] = _assign_block(beams[rows], parameters, patches, limits)
     return plane, meets
 

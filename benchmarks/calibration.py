@@ -6,7 +6,8 @@ Usage: python benchmarks/calibration.py [--draws N] [--cases NAME ...] [--method
 Rows of all draws are collected in FOLDER/draws.csv; a run replaces those of its cases, seeds and
 methods. With --resume it leaves out the draws that are complete there, so that a run that was
 stopped can be continued; --draws 0 makes the tables of what there is. The tables are made from all
-draws of that file on which all methods of their case were run. --write puts them into the page.
+draws of that file on which all methods of their case were run, and one from the other draws: those
+with `--methods factory joint oracle truth` show what is chance. --write puts them into the page.
 Seeds from 1001 on are those of the page: use others to develop a method.
 """
 

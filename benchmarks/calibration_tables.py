@@ -278,6 +278,38 @@ def _value(check: Check) -> str:
     return f"{check.value:.1f} ± {check.error:.1f}"
 
 
+def further_table(draws: pd.DataFrame) -> str:
+    """Errors over those of the oracle in draws on which only some methods were run.
+
+    The interval is that of the quotient if the draws had been others: 95 % of the quotients of as
+    many draws that are taken from these at random, each as often as it comes.
+    """
+    headings = [
+        "study", "draws", *(f"{name} over that of the oracle" for name in PARAMETERS),
+        "cover dl / alpha / v %", "s at unseen stations in the worst draw, over the factory's",
+    ]  # fmt: skip
+    rng, rows = np.random.default_rng(1), []
+    harm = against(draws, FACTORY)
+    for case in (name for name in CASES if name in set(draws["case"])):
+        own = draws[draws["case"] == case].pivot(index="seed", columns="method")
+        chosen = rng.integers(0, len(own), (2000, len(own)))
+        cells = []
+        for column in PARAMETERS.values():
+            default, told = (own[column, method].to_numpy() ** 2 for method in (DEFAULT, ORACLE))
+            others = np.sqrt(default[chosen].mean(axis=1) / told[chosen].mean(axis=1))
+            low, high = np.quantile(others, (0.025, 0.975))
+            cells.append(f"{np.sqrt(default.mean() / told.mean()):.2f} ({low:.2f} to {high:.2f})")
+        cover = [100.0 * own[f"cover_{name}", DEFAULT].mean() for name in PARAMETERS]
+        worst = harm[(draws["case"] == case) & (draws["method"] == DEFAULT)].max()
+        rows.append(
+            [
+                CASES[case].text, str(len(own)), *cells,
+                " / ".join(f"{each:.1f}" for each in cover), f"{worst:.2f}",
+            ]
+        )  # fmt: skip
+    return "\n".join(markdown_table(headings, rows, [False] + [True] * 6))
+
+
 def cost_table(cost: pd.DataFrame) -> str:
     """CPU time and memory of the adjustment of a unit."""
     headings = ["scanner", "stations", "windows", "medians", "seconds", "peak memory MB"]
@@ -293,6 +325,7 @@ def cost_table(cost: pd.DataFrame) -> str:
 
 def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     """All tables, by the name of their place in the page."""
+    further = draws.drop(complete(draws).index)
     draws = complete(draws)
     summary = summarised(draws)
     every = list(dict.fromkeys(summary["case"]))
@@ -307,6 +340,8 @@ def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
     found["bench_ranges"] = range_table(few, cases)
     found["bench_surveys"] = survey_table(summary)
     found["bench_checks"] = check_table(checks(draws, cost))
+    if len(further):
+        found["bench_further"] = further_table(further)
     if cost is not None:
         found["bench_cost"] = cost_table(cost)
     return found

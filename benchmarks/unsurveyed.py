@@ -50,30 +50,29 @@ ROOMS = ("long", "short", "floor")
 FULL = ("long", "short", "floor", "board", "far")
 #: One azimuth bin of this number is used.
 EVERY = {"VLP-16": 2, "HDL-32E": 4}
+#: Places, tilt in degrees and surfaces of a scanner.
+PLACES = {
+    "1 place, 2 walls and floor": (1, 0.0, ROOMS),
+    "1 place, 5 planes": (1, 0.0, FULL),
+    "2 places, 2 walls and floor": (2, 0.0, ROOMS),
+    "2 places tilted by 15 deg, 2 walls and floor": (2, 15.0, ROOMS),
+}
+#: Worlds that differ from the first one in one thing, and the places where they are tried.
+UNEVEN, OFFSETS = "surfaces uneven by 5 mm", "voff and hoff wrong by 3 mm"
+WORLDS: dict[str, tuple[dict[str, Any], list[str]]] = {
+    "": ({}, list(PLACES)),
+    UNEVEN: ({"survey": SurveyErrors(flatness_mm=5.0)}, ["1 place, 5 planes"]),
+    OFFSETS: ({"unit": UnitErrors(voff_mm=3.0, hoff_mm=3.0)}, list(PLACES)),
+}
 CASES = {
-    f"{scanner}, {text}": Plan(
-        scanner=scanner, stations=n, tilt_deg=tilt, surfaces=surfaces, windows=1, every=every
+    ", ".join(filter(None, (scanner, text, world))): Plan(
+        scanner=scanner, stations=n, tilt_deg=tilt, surfaces=surfaces, windows=1, every=every,
+        **options,
     )
+    for world, (options, places) in WORLDS.items()
     for scanner, every in EVERY.items()
-    for text, n, tilt, surfaces in (
-        ("1 place, 2 walls and floor", 1, 0.0, ROOMS),
-        ("1 place, 5 planes", 1, 0.0, FULL),
-        ("2 places, 2 walls and floor", 2, 0.0, ROOMS),
-        ("2 places tilted by 15 deg, 2 walls and floor", 2, 15.0, ROOMS),
-    )
-}
-#: Worlds that differ from that of the other cases in one thing.
-WORLDS: dict[str, dict[str, Any]] = {
-    "surfaces uneven by 5 mm": {"survey": SurveyErrors(flatness_mm=5.0)},
-    "voff and hoff wrong by 3 mm": {"unit": UnitErrors(voff_mm=3.0, hoff_mm=3.0)},
-}
-CASES |= {
-    f"{scanner}, 1 place, 5 planes, {text}": Plan(
-        scanner=scanner, surfaces=FULL, windows=1, every=every, **world
-    )
-    for scanner, every in EVERY.items()
-    for text, world in WORLDS.items()
-}
+    for text, (n, tilt, surfaces) in ((text, PLACES[text]) for text in places)
+}  # fmt: skip
 #: The second room, and tilts of the scanner in it, degrees.
 OTHER_ROOM = ("short", "far", "floor", "board")
 TILTS = (0.0, 15.0)
@@ -289,7 +288,7 @@ def scale_table(scanners: Sequence[str], draws: int, seed: int) -> str:
     return "\n".join(markdown_table(SCALE_HEADING, lines, [False] + [True] * 7))
 
 
-TABLES = ["unsurveyed", "unsurveyed_rooms", "unsurveyed_scale"]
+TABLES = ["unsurveyed", "unsurveyed_cover", "unsurveyed_rooms", "unsurveyed_scale"]
 ROOMS_HEADING = [
     "case",
     "draws",
@@ -342,6 +341,7 @@ def main() -> None:
         "unsurveyed": lambda: main_table(
             given.cases, given.draws, given.seed, given.out / "draws.csv", given.resume
         ),
+        "unsurveyed_cover": lambda: cover_table(given.out / "draws.csv"),
         "unsurveyed_rooms": lambda: rooms_table(given.scanners, given.draws, given.seed),
         "unsurveyed_scale": lambda: scale_table(given.scanners, given.draws, given.seed),
     }
@@ -368,6 +368,29 @@ def main_table(cases: Sequence[str], draws: int, seed: int, file: Path, resume: 
         lines.append(line(name, own))
         print(" | ".join(lines[-1]), flush=True)
     return "\n".join(markdown_table(HEADING, lines, [False] + [True] * 9))
+
+
+def cover_table(file: Path) -> str:
+    """Coverage of all cases of a world together, with its standard error.
+
+    The unit of a seed is the same in all cases of a scanner: the standard error is that of the
+    mean over units.
+    """
+    draws = pd.read_csv(file)
+    draws["unit"] = draws["case"].str.split(",").str[0] + draws["seed"].astype(str)
+    world = pd.Series("as the independent world", draws.index)
+    for name in (UNEVEN, OFFSETS):
+        world[draws["case"].str.endswith(name)] = name
+    lines = []
+    for name, own in [*draws.groupby(world, sort=False), ("all", draws)]:
+        cells = []
+        for parameter in NAMES:
+            of_units = own.groupby("unit")[f"{parameter}_cover"].mean() * 100.0
+            error = of_units.std(ddof=1) / np.sqrt(len(of_units))
+            cells.append(f"{of_units.mean():.1f} ± {error:.1f}")
+        lines.append([str(name), str(own["case"].nunique()), str(len(own)), *cells])
+    heading = ["world", "cases", "draws", *(f"cover {name}, %" for name in NAMES)]
+    return "\n".join(markdown_table(heading, lines, [False] + [True] * 5))
 
 
 if __name__ == "__main__":

@@ -71,6 +71,27 @@ def test_table_of_surveys_has_a_row_for_each_and_the_factory(bench):
     assert lines[3].split("|")[2].strip() == "0.29"
 
 
+def test_further_draws_are_kept_apart_and_have_intervals(bench):
+    _, tables = bench
+    errors = {"factory": 5.0, "joint": 1.2, "oracle": 1.0}
+    rows = [
+        {"case": case, "seed": seed, "method": method, "unseen_cm": error}
+        | dict.fromkeys(tables.PARAMETERS.values(), error)
+        | {f"cover_{name}": 0.95 for name in tables.PARAMETERS}
+        for case, seed, methods in (("near", 1, ["dl"]), ("near", 2, []), ("near", 3, []))
+        for method, error in [*errors.items(), *((name, 3.0) for name in methods)]
+    ]
+    rows[5]["dl_cm"] = 2.4  # The joint adjustment of seed 2.
+    draws = pd.DataFrame(rows)
+    assert set(tables.complete(draws)["seed"]) == {1}
+    line = tables.further_table(draws.drop(tables.complete(draws).index)).splitlines()[2]
+    _, study, number, dl, alpha, *_, worst, _ = (cell.strip() for cell in line.split("|"))
+    assert (study, number) == (bench[0].CASES["near"].text, "2")
+    assert dl == f"{np.sqrt((2.4**2 + 1.2**2) / 2):.2f} (1.20 to 2.40)"
+    assert alpha == "1.20 (1.20 to 1.20)"
+    assert worst == "0.24"
+
+
 def test_dl_is_judged_at_one_range_also_where_it_depends_on_the_range(bench):
     """A scanner with a dl of 1 m measures a raw distance of 2 m at a range of 3 m.
 

@@ -124,3 +124,19 @@ def test_actions_are_named_by_commit():
         for action, comment in used:
             assert re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action), action
             assert re.fullmatch(r" # v[\d.]+", comment), f"{action}: the version as a comment"
+
+
+def test_a_container_leaves_out_what_git_ignores():
+    """podman and docker look in the top folder only where no ``**/`` stands before a name."""
+    lines = {
+        name: [
+            line for line in (ROOT / name).read_text().splitlines()
+            if line and not line.startswith("#")
+        ]
+        for name in (".gitignore", ".dockerignore")
+    }  # fmt: skip
+    anchored = [
+        line.rstrip("/") if "/" in line.rstrip("/") else "**/" + line.rstrip("/")
+        for line in lines[".gitignore"]
+    ]
+    assert lines[".dockerignore"] == anchored

@@ -34,10 +34,11 @@ def matern(apart: Array, length: float) -> Array:
     length : float
         Correlation length, radians.
     """
+    # In place: temporary matrices would take as long as their numbers.
     scaled = np.abs(apart)
     scaled *= np.sqrt(3.0) / length
-    # In place: temporary matrices would take as long as their numbers.
-    found = np.exp(-scaled)
+    found = np.negative(scaled)
+    np.exp(found, out=found)
     scaled += 1.0
     found *= scaled
     return np.asarray(found)
@@ -46,8 +47,10 @@ def matern(apart: Array, length: float) -> Array:
 def correlation(phi: Array, length: float) -> Array:
     """Correlation of the pattern between the angles of one laser at one station, (n, n)."""
     turned = np.mod(phi, 2.0 * np.pi)
-    apart = np.abs(turned[:, None] - turned)
-    return matern(np.minimum(apart, 2.0 * np.pi - apart), length)
+    apart = turned[:, None] - turned
+    np.abs(apart, out=apart)
+    np.minimum(apart, 2.0 * np.pi - apart, out=apart)
+    return matern(apart, length)
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,9 @@ def reduced(groups: Sequence[Group], length: float) -> Reduced:
         gone = u[:, s > 1e-9 * s[:1].sum()]
         z = weight * group.z
         z -= gone @ (gone.T @ z)
-        kernel = correlation(group.phi, length) * weight[:, None] * weight
+        kernel = correlation(group.phi, length)
+        kernel *= weight[:, None]
+        kernel *= weight
         _transform(kernel, gone, 1.0)
         square[number], dof[number] = z @ z, n - gone.shape[1]
         # Reflect z into the first coordinate, which the tridiagonal form then keeps.
@@ -155,8 +160,7 @@ def _transform(kernel: Array, u: Array, factor: float) -> None:
     """
     through = kernel @ u
     half = factor * (through - 0.5 * factor * u @ (u.T @ through))
-    kernel -= half @ u.T
-    kernel -= u @ half.T
+    kernel -= np.hstack([half, u]) @ np.hstack([u, half]).T
 
 
 def minus_2_log(of: Reduced, log_tau: Array, log_omega: Array) -> Array:

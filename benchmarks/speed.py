@@ -21,10 +21,11 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from speed_adjustment import adjustment
 from speed_decoding import decoding
 from speed_measure import ROOT, Measures, Recorded, children, machine, recorded, table
 from speed_scale import draw, measured, scaling
-from speed_tables import adjustment, medians, parquet, points
+from speed_tables import medians, parquet, points
 from speed_workflow import workflow
 
 from velocal.io.markup import inserted
@@ -38,7 +39,9 @@ SECTIONS = (
 )  # fmt: skip
 #: Free space for the recordings, bytes.
 SPACE = 5e9
-PROGRAMS = ("velodyne-decoder", "dpkt", "numpy", "pandas", "polars", "duckdb", "pyarrow")
+PROGRAMS = (
+    "velodyne-decoder", "dpkt", "numpy", "scipy", "pandas", "polars", "duckdb", "pyarrow",
+)  # fmt: skip
 
 
 def about(rotations: int) -> str:

@@ -1,4 +1,4 @@
-"""Speed of medians, tables, points and the adjustment, against pandas, polars and DuckDB."""
+"""Speed of medians, tables and points, against pandas, polars and DuckDB."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from pathlib import Path
 import numpy as np
 from speed_measure import Measures, Recorded, read, table
 
-from velocal.adjustment.unit.adjust import adjust_unit
-from velocal.adjustment.unit.settings import UnitSettings
-from velocal.arrays import joined_rows
 from velocal.io import schemas, storage
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.placing import Settings
@@ -18,8 +15,6 @@ from velocal.recording.recording import open_recording
 from velocal.recording.scan import inspect
 from velocal.reduction.medians import binned_medians
 from velocal.scanner.models import SCANNERS
-from velocal.simulation.independent.plan import Plan
-from velocal.simulation.independent.trial import draw
 
 BIN_TICKS = SCANNERS["HDL-64E"].azimuth_bin_ticks
 MIN_COUNT = 5
@@ -190,24 +185,3 @@ def points(of: Recorded, folder: Path, rounds: int) -> str:
         "ms to write as many zeros",
     ]  # fmt: skip
     return table(headings, rows)
-
-
-def adjustment(rounds: int) -> str:
-    """Table of the adjustment of a unit."""
-    measures = Measures()
-    sizes = {}
-    for stations in (1, 2):
-        trial = draw(Plan(scanner="HDL-64E", stations=stations, every=2), seed=1)
-        settings = UnitSettings.recommended(SCANNERS["HDL-64E"], factory=trial.factory)
-        measured = [each.survey.of_unit(joined_rows(each.windows)) for each in trial.stations]
-        name = f"adjust a unit, {stations} station{'s' * (stations > 1)}"
-        sizes[name] = sum(len(joined_rows(each.windows).phi) for each in trial.stations)
-        measures.add(
-            name,
-            lambda measured=measured, factory=trial.factory, settings=settings: adjust_unit(
-                measured, factory, settings
-            ),
-        )
-    measures.run(rounds)
-    rows = [[name, str(sizes[name]), measures.time_of(name)] for name in measures.works]
-    return table(["what", "medians", "ms"], rows)

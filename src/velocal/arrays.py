@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,7 +15,27 @@ if TYPE_CHECKING:
 #: Double precision numbers of any shape; docstrings say which shape and unit.
 Array = NDArray[np.float64]
 
+#: Rows of a block: its temporary arrays fit into the cache of a processor. Those of a whole window
+#: take longer to be allocated than to be computed.
+BLOCK = 16384
+
 _Table = TypeVar("_Table", bound="DataclassInstance")
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Divide n rows into blocks of `BLOCK` rows.
+
+    Parameters
+    ----------
+    n : int
+
+    Yields
+    ------
+    slice
+        Of consecutive rows.
+    """
+    for start in range(0, n, BLOCK):
+        yield slice(start, start + BLOCK)
 
 
 def columns_of(table: DataclassInstance) -> dict[str, NDArray[Any]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.adjustment import adjust_laser
 
-from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.lasers import adjust_all, find_corrections
 from velocal.adjustment.linear import System
 from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
@@ -212,6 +212,20 @@ def test_a_parameter_without_a_prior_is_named():
     model = Stochastic(noise_std_m=0.02, prior_std={"dl": 0.02})
     with pytest.raises(VelocalError, match=r"no prior standard deviation of voff.*allowed: dl"):
         adjust_all(data, true, ("dl", "voff"), WithPrior(), model)
+
+
+@pytest.mark.parametrize("solver", [PaperModel(), WithPrior()])
+def test_corrections_alone_are_those_of_the_whole_adjustment(solver):
+    data, true = walls(noise=0.01)
+    names, model = ("dl", "alpha"), Stochastic(noise_std_m=0.01, prior_std=PRIOR)
+    start = LaserParameters(*np.repeat([getattr(true, name) for name in PARAMETERS], 2, axis=1))
+    whole = adjust_all(data, start, names, solver, model)
+    corrections, converged = find_corrections(data, start, names, solver, model)
+    np.testing.assert_array_equal(corrections, [each.corrections for each in whole])
+    # Nothing is seen of the second laser.
+    np.testing.assert_array_equal(converged, [True, False])
+    assert corrections[0].all()
+    assert not corrections[1].any()
 
 
 def test_parameters_have_their_order():

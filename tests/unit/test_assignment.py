@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from velocal import arrays
 from velocal.geometry.planes import Patch, Plane
 from velocal.reduction.assignment import (
     NO_PLANE,
@@ -63,3 +64,14 @@ def test_expected_are_the_returns_that_meet_a_plane_whatever_they_measured():
     np.testing.assert_array_equal(expected, np.bincount(anything["laser_id"], minlength=2))
     assert set(rows["laser_id"]) == {0}
     assert expected[0] == expected[1] > 20
+
+
+@pytest.mark.parametrize("n", [0, 10, 25])
+def test_returns_are_assigned_the_same_in_blocks(monkeypatch, n):
+    phi = np.linspace(-0.6, 0.6, n)
+    beams = Beams(4.0 / np.cos(phi), phi, np.zeros(n, dtype=int), 0.002)
+    patches, zero = [ahead("near", 4.0)], LaserParameters(*np.zeros((5, 1)))
+    whole = assign(beams, zero, patches, LIMITS)
+    assert (whole != NO_PLANE).any() == (n > 0)
+    monkeypatch.setattr(arrays, "BLOCK", 10)
+    np.testing.assert_array_equal(assign(beams, zero, patches, LIMITS), whole)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from velocal.arrays import Array
+from velocal.arrays import Array, blocks
 from velocal.scanner.beam import laser_beams
 from velocal.scanner.parameters import PARAMETERS, UNITS, LaserParameters
 
@@ -84,10 +84,14 @@ def misclosure(
     ndarray, shape (n,)
         Metres; positive where the point lies behind the plane (measured too long).
     """
-    direction, origin = laser_beams(phi, laser_id, parameters)
-    towards = np.einsum("ni,ni->n", direction, normal)
-    length = scaled(distance_m, laser_id, scale) + parameters.dl[laser_id]
-    return np.asarray(length + (np.einsum("ni,ni->n", origin, normal) + offset) / towards)
+    s = np.empty(len(phi))
+    for rows in blocks(len(phi)):
+        laser, facing = laser_id[rows], normal[rows]
+        direction, origin = laser_beams(phi[rows], laser, parameters)
+        towards = np.einsum("ni,ni->n", direction, facing)
+        length = scaled(distance_m[rows], laser, scale) + parameters.dl[laser]
+        s[rows] = length + (np.einsum("ni,ni->n", origin, facing) + offset[rows]) / towards
+    return s
 
 
 def design(
@@ -128,8 +132,19 @@ def design(
         ds/d(scale) = l
     """
     theta = phi - parameters.alpha[laser_id]
-    beams = Towards(np.sin(theta), np.cos(theta), laser_id, parameters, normal, offset)
-    return beams.misclosure(distance_m, scale), beams.derivatives(distance_m)
+    # Sines and cosines of the vertical angles are computed for each laser, not for each return.
+    beams = Towards(
+        np.sin(theta),
+        np.cos(theta),
+        normal,
+        offset,
+        np.cos(parameters.v)[laser_id],
+        np.sin(parameters.v)[laser_id],
+        parameters.voff[laser_id],
+        parameters.hoff[laser_id],
+    )
+    length = scaled(distance_m, laser_id, scale) + parameters.dl[laser_id]
+    return length - beams.to_plane, beams.derivatives(distance_m)
 
 
 class Towards:
@@ -142,36 +157,28 @@ class Towards:
 
     Notes
     -----
-    `sine` and `cosine` are those of the rotational angle minus alpha. The other parameters are
-    those of `design`.
+    `sine` and `cosine` are those of the rotational angle minus alpha. What belongs to the laser
+    is given for each beam, or once for all beams.
     """
 
     def __init__(
         self,
         sine: Array,
         cosine: Array,
-        laser_id: Lasers,
-        parameters: LaserParameters,
         normal: Array,
         offset: Array,
+        cosine_v: Array | float,
+        sine_v: Array | float,
+        voff: Array | float,
+        hoff: Array | float,
     ) -> None:
-        self._laser_id, self._parameters = laser_id, parameters
-        # Sines and cosines are computed for each laser, and then looked up for each return.
-        self._hoff = parameters.hoff[laser_id]
-        self._sine_v = np.sin(parameters.v)[laser_id]
-        self._cosine_v = np.cos(parameters.v)[laser_id]
+        self._cosine_v, self._sine_v, self._hoff = cosine_v, sine_v, hoff
         n_x, n_y, self._n_z = normal.T
         self._along = n_x * sine + n_y * cosine  # n.e
         self._across = n_y * sine - n_x * cosine  # n.q
-        self._inverse = 1.0 / (self._cosine_v * self._along + self._sine_v * self._n_z)  # 1 / G
+        self._inverse = 1.0 / (cosine_v * self._along + sine_v * self._n_z)  # 1 / G
         # The same as in `misclosure`; n.o is formed from products that the derivatives need too.
-        no = self._hoff * self._across + parameters.voff[laser_id] * self._n_z
-        self.to_plane = -(no + offset) * self._inverse
-
-    def misclosure(self, distance_m: Array, scale: Array | None = None) -> Array:
-        """Misclosure s, metres, shape (n,); see `design`."""
-        length = scaled(distance_m, self._laser_id, scale) + self._parameters.dl[self._laser_id]
-        return np.asarray(length - self.to_plane)
+        self.to_plane = -(hoff * self._across + voff * self._n_z + offset) * self._inverse
 
     def derivatives(self, distance_m: Array) -> Array:
         """Derivatives of the misclosure, shape (n, 6); see `design`."""
@@ -180,8 +187,8 @@ class Towards:
         matrix[0] = 1.0
         by_phi = self.to_plane * self._across * self._cosine_v - self._hoff * self._along
         np.multiply(by_phi, self._inverse, out=matrix[1])
-        turned = self._cosine_v * self._n_z - self._sine_v * self._along
-        matrix[2] = self.to_plane * turned * self._inverse
+        by_v = self._cosine_v * self._n_z - self._sine_v * self._along
+        matrix[2] = self.to_plane * by_v * self._inverse
         np.multiply(self._n_z, self._inverse, out=matrix[3])
         np.multiply(self._across, self._inverse, out=matrix[4])
         matrix[5] = distance_m

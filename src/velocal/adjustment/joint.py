@@ -161,6 +161,16 @@ class JointProblem:
         self.datum = np.zeros((len(self.unit), len(fixed)))
         for number, column in enumerate(fixed):
             self.datum[column : lasers * u : u, number] = seen / _DATUM_STD
+        # A row depends on one laser and one plane; this is the number of the pair of each row.
+        pair = observations.laser_id.astype(np.int64) * planes + self.planes.group
+        pairs, self.pair = np.unique(pair, return_inverse=True)
+        #: Unknowns of every pair: those of the laser, then those of the plane.
+        self.place = np.hstack(
+            [
+                (pairs // planes)[:, None] * u + np.arange(u),
+                lasers * u + (pairs % planes)[:, None] * _PLANE + np.arange(_PLANE),
+            ]
+        )
         self._basis: Array | None = None
 
     @property
@@ -177,9 +187,7 @@ class JointProblem:
 
     def at(self, block: int, x: Array) -> _Linearised:
         """Linearise in units of the prior, with the datum as further observations."""
-        there = _normal_equations(
-            self.data, self.planes, self.split(x), self.initial, self.names, self.stochastic
-        )
+        there = self._normal_equations(*self.split(x))
         condition = self.datum.T @ x
         return _Linearised(
             there.matrix * np.outer(self.unit, self.unit) + self.datum @ self.datum.T,
@@ -187,6 +195,35 @@ class JointProblem:
             np.concatenate([there.w, condition]),
             np.concatenate([there.weight, np.ones_like(condition)]),
         )
+
+    def _normal_equations(self, x: Array, y: Array) -> _Linearised:
+        """Normal equations with M the inverse variances of the misclosures."""
+        data, group, u = self.data, self.planes.group, len(self.names)
+        normal, offset, slope = self.planes.at(y)
+        here = Observations(data.distance_m, data.phi, data.laser_id, normal[group], offset[group])
+        parameters, scale = split(x, self.names, self.initial)
+        s, design = here.design(parameters, scale)
+        direction, origin = laser_beams(data.phi, data.laser_id, parameters)
+        towards = np.einsum("ni,ni->n", direction, here.normal)
+        # The foot is where the beam meets the plane: ds/dn = foot / G, ds/d(offset) = 1 / G.
+        length = scaled(data.distance_m, data.laser_id, scale) + parameters.dl[data.laser_id] - s
+        foot = origin + length[:, None] * direction
+        across = np.einsum("nki,ni->nk", slope[group], foot)
+        own = design.T[[ADJUSTABLE.index(name) for name in self.names]]
+        columns = np.vstack([own, across.T / towards, 1.0 / towards])
+        weight = 1.0 / self.stochastic.sigma_misclosure(design[:, ADJUSTABLE.index("alpha")]) ** 2
+        # Sum the rows of every pair first, then add the sums to the elements of the matrix.
+        size, place, pairs = len(self.unit), self.place, len(self.place)
+        matrix, right = np.zeros((size, size)), np.zeros(size)
+        for i in range(u + _PLANE):
+            weighted = weight * columns[i]
+            np.add.at(right, place[:, i], np.bincount(self.pair, weighted * s, minlength=pairs))
+            for j in range(i + 1):
+                sums = np.bincount(self.pair, weighted * columns[j], minlength=pairs)
+                np.add.at(matrix, (place[:, i], place[:, j]), sums)
+                if i != j:
+                    np.add.at(matrix, (place[:, j], place[:, i]), sums)
+        return _Linearised(matrix, right, s, weight)
 
     def corrections(self, blocks: Sequence[int], states: Sequence[_Linearised]) -> list[Array]:
         """Solve the normal equations in the space that the first of them determine."""
@@ -265,53 +302,3 @@ def adjust_joint(
         iterations=block.iterations,
         converged=block.converged,
     )
-
-
-def _normal_equations(
-    data: Observations,
-    planes: _Planes,
-    unknowns: tuple[Array, Array],
-    initial: LaserParameters,
-    names: Sequence[str],
-    stochastic: Stochastic,
-) -> _Linearised:
-    """Normal equations with M the inverse variances of the misclosures."""
-    lasers, u = len(initial), len(names)
-    x, y = unknowns
-    normal, offset, slope = planes.at(y)
-    group, laser = planes.group, data.laser_id.astype(np.int64)
-    here = Observations(data.distance_m, data.phi, data.laser_id, normal[group], offset[group])
-    parameters, scale = split(x, names, initial)
-    s, design = here.design(parameters, scale)
-    direction, origin = laser_beams(data.phi, data.laser_id, parameters)
-    towards = np.einsum("ni,ni->n", direction, here.normal)
-    # The foot is where the beam meets the plane: ds/dn = foot / G, ds/d(offset) = 1 / G.
-    foot = (
-        origin
-        + (scaled(data.distance_m, laser, scale) + parameters.dl[laser] - s)[:, None] * direction
-    )
-    across = np.einsum("nki,ni->nk", slope[group], foot)
-    own = design[:, [ADJUSTABLE.index(name) for name in names]]
-    rows = np.column_stack([own, across / towards[:, None], 1.0 / towards])
-    weight = 1.0 / stochastic.sigma_misclosure(design[:, ADJUSTABLE.index("alpha")]) ** 2
-    # A row depends on one laser and one plane. Sum the rows of every such pair first, then add
-    # the sums to the elements of the matrix that belong to the pair.
-    pair = laser * len(offset) + group
-    pairs, pair = np.unique(pair, return_inverse=True)
-    place = np.hstack(
-        [
-            (pairs // len(offset))[:, None] * u + np.arange(u),
-            lasers * u + (pairs % len(offset))[:, None] * _PLANE + np.arange(_PLANE),
-        ]
-    )
-    size = x.size + y.size
-    matrix, right = np.zeros((size, size)), np.zeros(size)
-    for i in range(u + _PLANE):
-        weighted = weight * rows[:, i]
-        np.add.at(right, place[:, i], np.bincount(pair, weighted * s, minlength=len(pairs)))
-        for j in range(i + 1):
-            sums = np.bincount(pair, weighted * rows[:, j], minlength=len(pairs))
-            np.add.at(matrix, (place[:, i], place[:, j]), sums)
-            if i != j:
-                np.add.at(matrix, (place[:, j], place[:, i]), sums)
-    return _Linearised(matrix, right, s, weight)

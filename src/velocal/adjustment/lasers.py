@@ -2,28 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from velocal.adjustment import nuisance, quality
 from velocal.adjustment.core import Block, gauss_newton
-from velocal.adjustment.functional import ADJUSTABLE, Towards, scaled, split
+from velocal.adjustment.functional import ADJUSTABLE, Towards
 from velocal.adjustment.linear import Step, System
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import Adjustment
 from velocal.adjustment.solvers import Solver, solve
 from velocal.adjustment.stochastic import Stochastic, block_numbers
 from velocal.arrays import Array, rows_of
-from velocal.scanner.beam import laser_beams
+from velocal.scanner.beam import beams
 from velocal.scanner.parameters import PARAMETERS, LaserParameters
+
+
+@dataclass(frozen=True)
+class LaserState:
+    """One laser at some parameters.
+
+    Attributes
+    ----------
+    w : ndarray, shape (n,)
+        Misclosures.
+    shift : ndarray, shape (u,)
+        Current minus initial parameters.
+    linearise : callable
+        Makes the linearised system, which a step that is refused does not need.
+    """
+
+    w: Array
+    shift: Array
+    linearise: Callable[[], System]
+
+    @cached_property
+    def system(self) -> System:
+        """The model linearised at these parameters."""
+        return self.linearise()
 
 
 class LaserProblem:
     """The lasers of a scanner as independent blocks of one adjustment; see `core.Problem`.
 
-    The state of a block is its linearised `System`. The first linearisation decides on the space
+    The state of a block is a `LaserState`. The first linearisation decides on the space
     of the corrections of every block. It is fixed from then on; otherwise a direction at the limit
     could be left out and taken back in turn, and the iteration would not converge.
 
@@ -61,66 +87,81 @@ class LaserProblem:
         self.rows = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
         self._own = [self.data.take(rows) for rows in self.rows]
         self._turned = [(np.sin(own.phi), np.cos(own.phi)) for own in self._own]
-        self._initial = [
-            LaserParameters(*(getattr(initial, name)[[laser]] for name in PARAMETERS))
-            for laser in range(len(initial))
-        ]
+        start = [getattr(initial, name) for name in PARAMETERS]
+        self._start = np.column_stack([*start, np.zeros(len(initial))])
         self._columns = [ADJUSTABLE.index(name) for name in names]
         self._basis: dict[int, Array] = {}
 
-    def at(self, block: int, x: Array) -> System:
-        """Linearise the model of one laser at corrections `x`, shape (u,)."""
-        own = self._own[block]
-        beams, scale = self._towards(block, x)
-        matrix = beams.derivatives(own.distance_m)
-        sigma = self.stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])
-        s = beams.misclosure(own.distance_m, scale)
-        return System(matrix.T[self._columns].T, s, sigma, self.prior_std, x)
-
-    def _towards(self, block: int, x: Array) -> tuple[Towards, Array | None]:
-        """Beams of one laser at corrections `x`, and its range scale."""
+    def at(self, block: int, x: Array) -> LaserState:
+        """Misclosures of one laser at corrections `x`, shape (u,)."""
+        dl, alpha, v, voff, hoff, scale = self._values(block, x)
         own, (sine, cosine) = self._own[block], self._turned[block]
-        parameters, scale = split(x[None], self.names, self._initial[block])
         # Addition theorems: sines of all angles once, not in every iteration.
-        sine_a, cosine_a = np.sin(parameters.alpha), np.cos(parameters.alpha)
-        of_sine, of_cosine = sine * cosine_a - cosine * sine_a, cosine * cosine_a + sine * sine_a
-        # The only laser of these parameters has number 0.
-        return Towards(of_sine, of_cosine, 0, parameters, own.normal, own.offset), scale
+        sine_a, cosine_a = np.sin(alpha), np.cos(alpha)
+        towards = Towards(
+            sine * cosine_a - cosine * sine_a,
+            cosine * cosine_a + sine * sine_a,
+            own.normal,
+            own.offset,
+            np.cos(v),
+            np.sin(v),
+            voff,
+            hoff,
+        )
+        w = own.distance_m * (1.0 + scale) + dl - towards.to_plane
+        return LaserState(w, x, lambda: self._system(block, x, towards, w))
 
-    def corrections(self, blocks: Sequence[int], states: Sequence[System]) -> list[Array]:
+    def _values(self, block: int, x: Array) -> Array:
+        """Parameters of one laser and its range scale, in the order of `ADJUSTABLE`."""
+        values: Array = self._start[block].copy()
+        values[self._columns] += x
+        return values
+
+    def _system(self, block: int, x: Array, towards: Towards, w: Array) -> System:
+        matrix = towards.derivatives(self._own[block].distance_m)
+        sigma = self.stochastic.sigma_misclosure(matrix[:, ADJUSTABLE.index("alpha")])
+        return System(matrix.T[self._columns].T, w, sigma, self.prior_std, x)
+
+    def corrections(self, blocks: Sequence[int], states: Sequence[LaserState]) -> list[Array]:
         """Solve the linearised systems of some lasers."""
-        steps = self._steps(blocks, [self.solver.reduced(state) for state in states])
+        steps = self._steps(blocks, [self.solver.reduced(state.system) for state in states])
         self._basis |= {block: step.basis for block, step in zip(blocks, steps, strict=True)}
         return [step.delta for step in steps]
 
-    def objective(self, here: System, there: System) -> float:
+    def objective(self, here: LaserState, there: LaserState) -> float:
         """What the solver minimises, at `there` with the weights of `here`."""
-        if not np.isfinite(there.matrix).all():
+        if not np.isfinite(there.w).all():
             return np.inf
+        weights = here.system
         with np.errstate(over="ignore"):
             return self.solver.objective(
-                System(there.matrix, there.w, here.sigma_misclosure, there.prior_std, there.shift)
+                System(
+                    weights.matrix,
+                    there.w,
+                    weights.sigma_misclosure,
+                    weights.prior_std,
+                    there.shift,
+                )
             )
 
-    def solutions(self, blocks: Mapping[int, Block[System]]) -> dict[int, Step]:
+    def solutions(self, blocks: Mapping[int, Block[LaserState]]) -> dict[int, Step]:
         """Solve the systems at the final parameters, for all their rows."""
-        systems = [self.solver.reduced(block.state, keep=True) for block in blocks.values()]
+        systems = [self.solver.reduced(block.state.system, keep=True) for block in blocks.values()]
         steps = self._steps(list(blocks), systems)
         return {
             block: step.unreduced(system)
             for block, step, system in zip(blocks, steps, systems, strict=True)
         }
 
-    def derivatives(self, blocks: Mapping[int, Block[System]]) -> nuisance.Derivatives:
+    def derivatives(self, blocks: Mapping[int, Block[LaserState]]) -> nuisance.Derivatives:
         """Derivatives of all misclosures by what is not adjusted, at the final parameters."""
         n = len(self.data.phi)
         point, towards = np.empty((3, n)).T, np.empty(n)
         for laser, block in blocks.items():
             own, rows = self._own[laser], self.rows[laser]
-            parameters, scale = split(block.x[None], self.names, self._initial[laser])
-            zero = np.zeros(len(own.phi), dtype=np.int64)
-            direction, origin = laser_beams(own.phi, zero, parameters)
-            length = scaled(own.distance_m, 0, scale) + parameters.dl[0] - block.state.w
+            values = self._values(laser, block.x)
+            direction, origin = beams(own.phi, *values[1:5])
+            length = own.distance_m * (1.0 + values[5]) + values[0] - block.state.w
             point[rows] = origin + length[:, None] * direction
             towards[rows] = np.einsum("ni,ni->n", direction, own.normal)
         return nuisance.derivatives(
@@ -136,7 +177,7 @@ class LaserProblem:
         )
 
     def block_covariance(
-        self, blocks: Mapping[int, Block[System]], steps: Mapping[int, Step]
+        self, blocks: Mapping[int, Block[LaserState]], steps: Mapping[int, Step]
     ) -> tuple[Array, Array] | None:
         """`quality.block_covariance` of all lasers; None where rows are independent, or none are.
 
@@ -148,7 +189,7 @@ class LaserProblem:
         width = self.stochastic.block_rad
         if width is None or not blocks:
             return None
-        data, states = self.data, [block.state for block in blocks.values()]
+        data, states = self.data, [block.state.system for block in blocks.values()]
         weights = [step.row_weight for step in steps.values() if step.row_weight is not None]
         laser, station, plane = data.laser_id.astype(int), data.station_number, data.plane_number
         group = (laser * (int(station.max()) + 1) + station) * (int(plane.max()) + 1) + plane
@@ -208,14 +249,8 @@ def adjust_all(
     VelocalError
         If a parameter has no prior standard deviation.
     """
-    problem = LaserProblem(observations, initial, names, solver, stochastic)
-    blocks = gauss_newton(
-        problem,
-        np.zeros((len(initial), len(names))),
-        problem.prior_std,
-        blocks=problem.observed,
-        max_iterations=max_iterations,
-        tolerance=tolerance,
+    problem, blocks = _solved(
+        observations, initial, names, solver, stochastic, max_iterations, tolerance
     )
     steps = problem.solutions(blocks)
     by, noise = problem.derivatives(blocks), problem.block_covariance(blocks, steps)
@@ -234,9 +269,66 @@ def adjust_all(
     ]
 
 
+def find_corrections(
+    observations: Observations,
+    initial: LaserParameters,
+    names: Sequence[str],
+    solver: Solver,
+    stochastic: Stochastic,
+    *,
+    max_iterations: int = 50,
+    tolerance: float = 1e-4,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Adjust as `adjust_all` does, but leave out the quality, which takes as long again.
+
+    Parameters
+    ----------
+    observations, initial, names, solver, stochastic, max_iterations, tolerance
+        As for `adjust_all`.
+
+    Returns
+    -------
+    corrections : ndarray, shape (lasers, u)
+        Zeros for a laser without observations.
+    converged : ndarray of bool, shape (lasers,)
+
+    Raises
+    ------
+    VelocalError
+        If a parameter has no prior standard deviation.
+    """
+    _, blocks = _solved(observations, initial, names, solver, stochastic, max_iterations, tolerance)
+    corrections = np.zeros((len(initial), len(names)))
+    converged = np.zeros(len(initial), dtype=bool)
+    for laser, block in blocks.items():
+        corrections[laser], converged[laser] = block.x, block.converged
+    return corrections, converged
+
+
+def _solved(
+    observations: Observations,
+    initial: LaserParameters,
+    names: Sequence[str],
+    solver: Solver,
+    stochastic: Stochastic,
+    max_iterations: int,
+    tolerance: float,
+) -> tuple[LaserProblem, dict[int, Block[LaserState]]]:
+    problem = LaserProblem(observations, initial, names, solver, stochastic)
+    blocks = gauss_newton(
+        problem,
+        np.zeros((len(initial), len(names))),
+        problem.prior_std,
+        blocks=problem.observed,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+    )
+    return problem, blocks
+
+
 def _quality(
     names: tuple[str, ...],
-    block: Block[System],
+    block: Block[LaserState],
     step: Step,
     stochastic: Stochastic,
     by: nuisance.Derivatives,
@@ -247,7 +339,8 @@ def _quality(
     `correlated` are covariance and degrees of freedom of correlated noise; None where the noise
     is independent.
     """
-    residuals, sigma, weight = block.state.w, block.state.sigma_misclosure, step.row_weight
+    system, weight = block.state.system, step.row_weight
+    residuals, sigma = system.w, system.sigma_misclosure
     if weight is None:
         weight = np.ones(len(residuals))
     redundancy = int(np.count_nonzero(weight)) - step.rank
@@ -291,7 +384,7 @@ def _quality(
         iterations=block.iterations,
         converged=block.converged,
         message=message,
-        std_above_prior=quality.above(names, stated, block.state.prior_std),
+        std_above_prior=quality.above(names, stated, system.prior_std),
     )
 
 

@@ -19,6 +19,7 @@ from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array
 from velocal.errors import VelocalError
+from velocal.evaluation.statistics import laser_rms
 from velocal.scanner.parameters import LaserParameters
 
 #: Confidence of the interval that decides.
@@ -206,8 +207,8 @@ def hold_out(
     for kept, station, plane, data in _splits(stations):
         found = calibrate(kept)
         s = [data.misclosure(parameters) for parameters in (factory, found)]
-        shown = [_rms(data, each, len(factory)) for each in s]
-        centred = [_rms(data, _centred(data, each), len(factory)) for each in s]
+        shown = [laser_rms(each, data.laser_id, len(factory)) for each in s]
+        centred = [laser_rms(_centred(data, each), data.laser_id, len(factory)) for each in s]
         residuals.append((shown, centred))
         parts.append(HeldOut(station, plane, _gain([shown]), _gain([centred])))
     if not parts:
@@ -295,13 +296,6 @@ def _splits(
                 rest = replace(only, observations=only.observations.take(~own))
                 found.append(([rest], only.name, name, only.observations.take(own)))
     return found
-
-
-def _rms(data: Observations, s: Array, lasers: int) -> Array:
-    """Root mean square of s by laser, shape (lasers,); NaN without observations."""
-    count = np.bincount(data.laser_id, minlength=lasers)
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(np.bincount(data.laser_id, s**2, lasers) / count)
 
 
 def _centred(data: Observations, s: Array) -> Array:

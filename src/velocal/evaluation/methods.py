@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from velocal.adjustment.average import Member, average
 from velocal.adjustment.joint import adjust_joint
-from velocal.adjustment.lasers import adjust_all
+from velocal.adjustment.lasers import find_corrections
 from velocal.adjustment.observations import Observations, joined
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.robust import Robust
@@ -34,7 +34,7 @@ from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
 from velocal.errors import VelocalError
 from velocal.evaluation import linear_parameters
-from velocal.evaluation.statistics import laser_statistics
+from velocal.evaluation.statistics import laser_rms
 from velocal.scanner.parameters import LaserParameters
 
 #: A plane whose normal is nearer to the horizon than this (its sine) is a wall.
@@ -318,7 +318,7 @@ def _adjusted(
         found = linear_parameters.adjust(data, initial, stochastic)
         return found, seen, np.ones(len(initial), dtype=bool)
     assert method.solver is not None
-    results = adjust_all(
+    corrections, converged = find_corrections(
         data,
         initial,
         method.parameters,
@@ -326,11 +326,7 @@ def _adjusted(
         stochastic,
         max_iterations=MAX_ITERATIONS,
     )
-    return (
-        np.array([result.corrections for result in results]),
-        seen,
-        np.array([result.converged for result in results]),
-    )
+    return corrections, seen, converged
 
 
 def _of_walls(data: Observations) -> NDArray[np.bool_]:
@@ -415,7 +411,7 @@ def _statistics(data: Observations, estimate: Estimate, sigma_m: float) -> list[
     s = data.misclosure(estimate.parameters, estimate.scale)
     n_lasers, walls = len(estimate.parameters), _of_walls(data)
     rms = [
-        float(np.nanmean(laser_statistics(s[rows], data.laser_id[rows], n_lasers, sigma_m).rms_m))
+        float(np.nanmean(laser_rms(s[rows], data.laser_id[rows], n_lasers)))
         for rows in (slice(None), walls)
     ]
     return [*rms, float(np.mean(np.abs(s) < sigma_m))]

@@ -56,6 +56,24 @@ class LaserStatistics:
     complies_mean: NDArray[np.bool_]
 
 
+def laser_rms(s: Array, laser_id: NDArray[np.integer], n_lasers: int) -> Array:
+    """Root mean square of residuals about zero per laser; NaN for a laser without residuals.
+
+    Parameters
+    ----------
+    s, laser_id, n_lasers
+        As for `laser_statistics`.
+
+    Returns
+    -------
+    ndarray, shape (n_lasers,)
+        Metres.
+    """
+    count = np.bincount(laser_id, minlength=n_lasers)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(np.bincount(laser_id, s**2, minlength=n_lasers) / count))
+
+
 def laser_statistics(
     s: Array, laser_id: NDArray[np.integer], n_lasers: int, sigma_m: float
 ) -> LaserStatistics:

@@ -273,13 +273,13 @@ def temperature_deg_c(
         Degrees Celsius; NaN where the scanner sends no temperature.
     """
     places = np.linspace(0, len(rotations) - 1, min(len(rotations), TEMPERATURE_ROTATIONS))
-    readings = []
-    for place in places.astype(np.int64):
-        status = StatusReader()
-        for chunk, _ in read_rotations(path, index, rotations[[place]], source):
-            status.consume(chunk.payloads[:, -TRAILING.itemsize :])
-        found = status.result().temperature_deg_c
-        readings += [] if found is None else [np.mean(found)]
+    status = {int(number): StatusReader() for number in rotations[places.astype(np.int64)]}
+    for chunk, rotation in read_rotations(path, index, np.array(list(status)), source):
+        trailing = chunk.payloads[:, -TRAILING.itemsize :]
+        for number, reader in status.items():
+            reader.consume(trailing[(rotation == number).any(axis=1)])
+    found = [reader.result().temperature_deg_c for reader in status.values()]
+    readings = [np.mean(each) for each in found if each is not None]
     return float(np.mean(readings)) if readings else float("nan")
 
 

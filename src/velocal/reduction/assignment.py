@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import blocks
 from velocal.geometry.planes import Patch
 from velocal.scanner.beam import Beams, laser_beams
 from velocal.scanner.parameters import LaserParameters
@@ -63,6 +64,15 @@ def _assign(
     beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Index of the patch of every return, and whether its beam meets any, whatever it measured."""
+    plane, meets = np.empty(len(beams), dtype=np.uint8), np.empty(len(beams), dtype=bool)
+    for rows in blocks(len(beams)):
+        plane[rows], meets[rows] = _assign_block(beams[rows], parameters, patches, limits)
+    return plane, meets
+
+
+def _assign_block(
+    beams: Beams, parameters: LaserParameters, patches: Sequence[Patch], limits: Limits
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     direction, origin = laser_beams(beams.phi, beams.laser_id, parameters)
     length = beams.distance_m + parameters.dl[beams.laser_id]
     nearest = np.full(len(beams), np.inf)

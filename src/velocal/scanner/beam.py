@@ -195,8 +195,8 @@ class Beams:
     def __len__(self) -> int:
         return len(self.distance_m)
 
-    def __getitem__(self, rows: NDArray[Any]) -> Beams:
-        """Some of the rows, chosen by number or by a mask."""
+    def __getitem__(self, rows: NDArray[Any] | slice) -> Beams:
+        """Some of the rows, chosen by number, mask or slice."""
         return Beams(self.distance_m[rows], self.phi[rows], self.laser_id[rows], self.tick_m)
 
     def points(self, parameters: LaserParameters) -> Array:

@@ -10,9 +10,11 @@ import pandas as pd
 
 from velocal.adjustment.average import Member, average
 from velocal.adjustment.functional import ADJUSTABLE_UNITS
+from velocal.adjustment.lasers import find_corrections
 from velocal.adjustment.observations import Observations
 from velocal.adjustment.result import CalibrationSet
 from velocal.adjustment.stochastic import SurveyUncertainty
+from velocal.arrays import Array
 from velocal.chain import adjust
 from velocal.evaluation.methods import WALL
 from velocal.paper.claims.verdict import QUANTILE, SHOWN, Judgement, Verdict, rms
@@ -33,12 +35,12 @@ class FiveParameters:
     ----------
     configured : CalibrationSet
         With the study's solver and stochastic model.
-    as_printed : CalibrationSet
-        With the paper's pseudo-inverse at machine precision, on walls only.
+    as_printed : ndarray, shape (lasers, 5)
+        Corrections with the paper's pseudo-inverse at machine precision, on walls only.
     """
 
     configured: CalibrationSet
-    as_printed: CalibrationSet
+    as_printed: Array
 
 
 def adjust_five(
@@ -65,8 +67,9 @@ def adjust_five(
     prior = settings.prior.model_copy(update={f"{name}_cm": PRIOR_CM for name in OFFSETS})
     five = settings.model_copy(update={"parameters": NAMES, "prior": prior})
     walls = data.take(np.abs(data.normal[:, 2]) < WALL)
-    exact = five.model_copy(update={"method": "paper", "truncate_at": None, "block_deg": None})
-    return FiveParameters(adjust(data, factory, five, survey), adjust(walls, factory, exact))
+    exact = five.model_copy(update={"method": "paper", "truncate_at": None})
+    as_printed, _ = find_corrections(walls, factory, NAMES, exact.solver(), exact.stochastic())
+    return FiveParameters(adjust(data, factory, five, survey), as_printed)
 
 
 def table(
@@ -105,7 +108,7 @@ def table(
     hoff, alpha = mean.names.index("hoff"), mean.names.index("alpha")
     for name in OFFSETS:
         at = mean.names.index(name)
-        printed = np.abs([each.as_printed.corrections[:, at] for each in windows])
+        printed = np.abs([each.as_printed[:, at] for each in windows])
         columns[f"{name}_printed_cm"] = 1e2 * printed.max(axis=0)
     covariance = mean.covariance
     columns["correlation"] = covariance[:, hoff, alpha] / (mean.std[:, hoff] * mean.std[:, alpha])

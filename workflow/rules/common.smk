@@ -20,6 +20,11 @@ from velocal.survey.files import check_survey
 RULES = workflow.current_basedir
 CONFIG_NAME = ", ".join(map(str, workflow.configfiles)) or "configuration"
 
+# The C library of Linux gives large arrays back to the system when they are freed, and jobs would
+# spend a tenth of their time on asking for the same memory again.
+for limit in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"):
+    os.environ.setdefault(limit, str(2**30))
+
 if DeploymentMethod.CONDA in workflow.deployment_settings.deployment_method:
     raise WorkflowError(
         "Snakemake cannot make the environment of a job by conda: no channel of conda has velocal.\n"

@@ -98,7 +98,7 @@ def test_a_wide_interval_does_not_hide_the_others():
     assert high - low < 5.0
     assert ((rows["correction"] > low) & (rows["correction"] < high)).all()
     labels = [text.get_text() for text in dl.figure.legends[0].get_texts()]
-    assert "interval goes beyond the panel" in labels
+    assert "interval ends outside" in labels
     plain = draw(corrections([made()], FACTORY), SELECTION, simulated=False)
     assert len(plain.legends[0].get_texts()) == 1
 

@@ -152,7 +152,7 @@ def draw_corrections(
                          label="weakly determined")  # fmt: skip
         if any(cut):
             axes[0].plot([], [], "^", color=GREY, markersize=4.2, markeredgewidth=0.0,
-                         label="interval goes beyond the panel")  # fmt: skip
+                         label="interval ends outside")  # fmt: skip
         title = (
             f"{selection.scanner}: corrections to the factory's parameters "
             f"with {100 * LEVEL:g} % intervals"

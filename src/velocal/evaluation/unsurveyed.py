@@ -264,7 +264,7 @@ def adjust_unsurveyed(recordings: Sequence[Seen], settings: UnitSettings) -> Uni
     VelocalError
         If no recording has a plane.
     """
-    # It needs scipy, which the maps of residuals and the report, who use this module, do without.
+    # Here, as it needs scipy: the maps of residuals and the report use this module without.
     from velocal.adjustment.unit.adjust import adjust_unit
 
     used = [each for each in recordings if each.planes]

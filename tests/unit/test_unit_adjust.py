@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from tests.support.unit import errors_of, unit_draws
 from velocal.adjustment.unit import adjust
@@ -45,6 +46,30 @@ def finite(result):
     assert (variances > 0.0).all()
     total = sum(result.calibration.sources.values())
     np.testing.assert_allclose(total, result.calibration.covariance)
+
+
+def threads():
+    """Threads of every library of linear algebra."""
+    return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+
+def test_the_linear_algebra_has_one_thread_meanwhile(small, monkeypatch):
+    """With two threads, an adjustment took three times as long."""
+    factory, station, _ = small
+    seen = []
+    find_mode = adjust.find_mode
+
+    def watched(*given):
+        seen.append(threads())
+        return find_mode(*given)
+
+    monkeypatch.setattr(adjust, "find_mode", watched)
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        adjust_unit([station], factory, QUICK)
+        assert threads() == before
+    assert before != {1}
+    assert seen == [{1}]
 
 
 @pytest.mark.parametrize("far_point_m", [None, 25.04])

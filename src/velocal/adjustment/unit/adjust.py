@@ -16,6 +16,7 @@ from velocal.adjustment.unit.result import UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.stage import make_stage, noise_of
 from velocal.adjustment.unit.station import UnitStation, azimuth_bins
+from velocal.adjustment.unit.threads import one_thread
 from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
@@ -33,6 +34,7 @@ ROUGH_POSE_RAD = float(np.deg2rad(1.0))
 UNCHANGED = 0.02
 
 
+@one_thread()
 def adjust_unit(
     stations: Sequence[UnitStation],
     factory: LaserParameters,

@@ -23,6 +23,7 @@ from velocal.adjustment.unit.result import NORMAL_95, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.stage import Stage, make_stage
 from velocal.adjustment.unit.station import UnitStation, azimuth_bins
+from velocal.adjustment.unit.threads import one_thread
 from velocal.arrays import Array
 from velocal.errors import VelocalError
 from velocal.scanner.parameters import LaserParameters
@@ -83,6 +84,7 @@ class UnitSizes:
         )
 
 
+@one_thread()
 def predict_unit(
     stations: Sequence[UnitStation],
     factory: LaserParameters,

@@ -80,7 +80,12 @@ def run(programs: Path, folder: Path) -> dict[str, str]:
 def shown(said: dict[str, str]) -> dict[str, str]:
     """What the page shows of it, by the name of its marks."""
     of = {block.split()[1]: text for block, text in said.items()}
-    parts = {"verdict": of["run"].splitlines()[-1], "diff": of["calibration"].rstrip()}
+    unsurveyed = next(text for block, text in said.items() if "--recording" in block)
+    parts = {
+        "verdict": of["run"].splitlines()[-1],
+        "diff": of["calibration"].rstrip(),
+        "unsurveyed_verdict": unsurveyed.splitlines()[-1],
+    }
     return {name: f"```text\n{text}\n```" for name, text in parts.items()}
 
 

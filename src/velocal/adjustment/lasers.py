@@ -249,9 +249,8 @@ def adjust_all(
     VelocalError
         If a parameter has no prior standard deviation.
     """
-    problem, blocks = _solved(
-        observations, initial, names, solver, stochastic, max_iterations, tolerance
-    )
+    problem = LaserProblem(observations, initial, names, solver, stochastic)
+    blocks = _solved(problem, max_iterations, tolerance)
     steps = problem.solutions(blocks)
     by, noise = problem.derivatives(blocks), problem.block_covariance(blocks, steps)
     return [
@@ -279,7 +278,7 @@ def find_corrections(
     max_iterations: int = 50,
     tolerance: float = 1e-4,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Adjust as `adjust_all` does, but leave out the quality, which takes as long again.
+    """Adjust as `adjust_all` does, without the quality, which takes as long as the adjustment.
 
     Parameters
     ----------
@@ -297,7 +296,8 @@ def find_corrections(
     VelocalError
         If a parameter has no prior standard deviation.
     """
-    _, blocks = _solved(observations, initial, names, solver, stochastic, max_iterations, tolerance)
+    problem = LaserProblem(observations, initial, names, solver, stochastic)
+    blocks = _solved(problem, max_iterations, tolerance)
     corrections = np.zeros((len(initial), len(names)))
     converged = np.zeros(len(initial), dtype=bool)
     for laser, block in blocks.items():
@@ -306,24 +306,17 @@ def find_corrections(
 
 
 def _solved(
-    observations: Observations,
-    initial: LaserParameters,
-    names: Sequence[str],
-    solver: Solver,
-    stochastic: Stochastic,
-    max_iterations: int,
-    tolerance: float,
-) -> tuple[LaserProblem, dict[int, Block[LaserState]]]:
-    problem = LaserProblem(observations, initial, names, solver, stochastic)
-    blocks = gauss_newton(
+    problem: LaserProblem, max_iterations: int, tolerance: float
+) -> dict[int, Block[LaserState]]:
+    """Adjust every laser that has observations, by its number."""
+    return gauss_newton(
         problem,
-        np.zeros((len(initial), len(names))),
+        np.zeros((len(problem.rows), len(problem.names))),
         problem.prior_std,
         blocks=problem.observed,
         max_iterations=max_iterations,
         tolerance=tolerance,
     )
-    return problem, blocks
 
 
 def _quality(

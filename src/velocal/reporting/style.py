@@ -100,7 +100,7 @@ def save(figure: Figure, svg: Path, png: Path) -> None:
 def _arranged(figure: Figure) -> Iterator[None]:
     """Arrange the parts of a figure for its canvas, and do not arrange them while it is drawn.
 
-    `Figure.savefig` arranges them for every format, and draws the whole figure once more for it.
+    `Figure.savefig` would arrange them again for the second format, and draw the figure to do so.
     """
     dpi, engine = figure.get_dpi(), figure.get_layout_engine()
     figure.set_dpi(mpl.rcParams["savefig.dpi"])

@@ -12,6 +12,7 @@ several files of an input, or perhaps none, the param `taken` of the rule says w
 
 from __future__ import annotations
 
+import gc
 import inspect
 import signal
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -89,6 +90,9 @@ def run(main: Callable[..., None], job: Job) -> None:
     job : Job
         The object ``snakemake`` of the script.
     """
+    # What is imported lives until the end: Python need not visit it to look for garbage, neither
+    # while it computes nor when it ends.
+    gc.freeze()
     with stopped_cleanly(), reported(job.log[0] if job.log else None):
         run_lock.join()
         check_outputs(_paths(job.output), _paths(job.input))

@@ -1,4 +1,4 @@
-"""A drawing that needs no data: layout of a packet, frame, residual, or rules of the workflow."""
+"""A drawing that needs no results: packet, frame, residual, rules, or uses of the samples."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,14 +11,36 @@ from velocal.io.scripts import for_each, run
 from velocal.reporting.figures import beam_geometry, flow, packet
 from velocal.reporting.style import save
 from velocal.scanner.models import scanner_named
-from velocal.study.figures import Diagram, FrameFigure, PacketFigure, ResidualFigure
+from velocal.study.figures import (
+    Diagram,
+    FlowFigure,
+    FrameFigure,
+    PacketFigure,
+    ResidualFigure,
+    Table,
+)
 
 DIAGRAM: TypeAdapter[Diagram] = TypeAdapter(Annotated[Diagram, Field(discriminator="kind")])
 
 
 @for_each("svg", "png", "csv", "selection")
-def main(*, svg: Path, png: Path, csv: Path, selection: Mapping[str, Any]) -> None:
-    """Write the drawing as SVG and PNG and what is drawn as CSV."""
+def main(
+    *,
+    svg: Path,
+    png: Path,
+    csv: Path,
+    selection: Mapping[str, Any],
+    samples: list[str],
+    scanners: list[str],
+    positions: list[str],
+    parameter_sets: Mapping[str, Mapping[str, list[str]]],
+    tables: Mapping[str, Table],
+    simulated: bool,
+) -> None:
+    """Write the drawing as SVG and PNG and what is drawn as CSV.
+
+    `scanners` and `positions` are those of `samples`.
+    """
     drawn = DIAGRAM.validate_python(selection)
     if isinstance(drawn, PacketFigure):
         scanner = scanner_named(drawn.scanner)
@@ -30,8 +52,12 @@ def main(*, svg: Path, png: Path, csv: Path, selection: Mapping[str, Any]) -> No
     elif isinstance(drawn, ResidualFigure):
         numbers = beam_geometry.residual_table()
         figure = beam_geometry.draw_residual(numbers)
-    else:
+    elif isinstance(drawn, FlowFigure):
         numbers, figure = flow.flow_table(), flow.draw_flow()
+    else:
+        used = map(flow.UsedSample, samples, scanners, positions)
+        numbers = flow.procedure_table(list(used), parameter_sets, tables)
+        figure = flow.draw_procedure(numbers, simulated=simulated)
     save(figure, svg, png)
     storage.write_csv(csv, numbers)
 

@@ -10,13 +10,17 @@ from velocal.evaluation import stability
 from velocal.evaluation.holdout import JudgedCalibration
 from velocal.io import schemas, storage
 from velocal.io.plain import from_plain
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.recording.windows import read_index, temperature_deg_c, window_rotations
 from velocal.reporting.figures.stability import draw
 from velocal.reporting.style import save
 from velocal.survey.station import read_station
 
 
+@for_each(
+    "assigned", "surveys", "recordings", "rotations", "judged", "csv", "svg", "png", "scanner",
+    "unit", "samples", "windows", "names", "positions", "ports", "addresses",
+)  # fmt: skip
 def main(
     *,
     assigned: list[Path],

@@ -1,7 +1,6 @@
 """Drawings of packet, frame, residual, flow and procedure: what they show is what the code does."""
 
 import draw_diagram
-import draw_procedure
 import numpy as np
 import pandas as pd
 import pytest
@@ -137,21 +136,25 @@ def test_procedure_tells_calibration_from_validation():
     assert len(table[table["sample"] == "sa5"]) == 3
 
 
+def draw(folder, selection):
+    files = {suffix: folder / f"f.{suffix}" for suffix in ("svg", "png", "csv")}
+    samples, scanners, positions = map(list, zip(*SAMPLES, strict=True))
+    draw_diagram.main(
+        **files, selection=selection, samples=samples, scanners=scanners, positions=positions,
+        parameter_sets=SETS, tables=TABLES, simulated=True,
+    )  # fmt: skip
+    return files
+
+
 @pytest.mark.parametrize("chosen", DIAGRAMS, ids=lambda each: each["kind"])
 def test_script(tmp_path, chosen):
-    files = {suffix: tmp_path / f"f.{suffix}" for suffix in ("svg", "png", "csv")}
-    draw_diagram.main(**files, selection=chosen)
+    files = draw(tmp_path, chosen)
     assert all(path.stat().st_size > 0 for path in files.values())
     assert len(pd.read_csv(files["csv"])) > 5
 
 
 def test_procedure_script(tmp_path):
-    files = {suffix: tmp_path / f"f.{suffix}" for suffix in ("svg", "png", "csv")}
-    samples, scanners, positions = map(list, zip(*SAMPLES, strict=True))
-    draw_procedure.main(
-        **files, samples=samples, scanners=scanners, positions=positions, parameter_sets=SETS,
-        tables=TABLES, simulated=True,
-    )  # fmt: skip
+    files = draw(tmp_path, {"kind": "procedure"})
     assert set(pd.read_csv(files["csv"])["sample"]) == {"sa3", "sa4", "sa5"}
     assert all(path.stat().st_size > 0 for path in files.values())
 

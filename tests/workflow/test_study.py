@@ -113,8 +113,7 @@ def test_second_run_is_idle(finished):
 def test_an_edited_module_reruns_only_rules_that_import_it(finished, edited):
     edited("src/velocal/reporting/style.py", "\nEDITED = 1\n")
     drawn = {"draw_lasers", "draw_histogram", "draw_network", "draw_plan", "draw_panels"}
-    drawn |= {"draw_corrections", "draw_diagram", "draw_procedure", "map_residuals"}
-    drawn |= {"measure_unit_drift"}
+    drawn |= {"draw_corrections", "draw_diagram", "map_residuals", "measure_unit_drift"}
     # The judgement comes after the report.
     assert {rule for rule, _ in planned(finished)} == drawn | {"write_report", "judge_calibrations"}
 
@@ -145,7 +144,7 @@ def test_a_new_row_plans_its_sample_and_what_depends_on_it(finished, tmp_path):
     of_all = {rule for rule, w in jobs if "sample=" not in w and rule != "adjust_survey"}
     # Summaries, and what is made of them: the new sample belongs to no set.
     assert of_all <= {
-        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "draw_procedure",
+        "check_survey", "summarise_statistics", "make_table", "draw_lasers", "draw_diagram",
         "map_residuals", "write_report", "judge_calibrations",
     }  # fmt: skip
 

@@ -30,10 +30,27 @@ CLAIM_FILES = [
 ]
 CLAIM_FILES = CLAIM_FILES if SETTINGS.compare_with_paper else []
 SURVEYED = list(STUDY.surveyed)
-# Surveyed calibrations, whose windows are compared.
+# Surveyed calibrations, whose windows are compared, their samples, and the files of these.
 SURVEYED_UNITS = [
     f"{scanner}/{name}" for scanner, sets in STUDY.calibrations.items() for name in sets
 ]
+OF_UNITS = [
+    list(samples) for sets in STUDY.calibrations.values() for samples in sets.values()
+]
+OF_UNIT_DRIFT = {
+    "assigned": [
+        per_window(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", names)
+        for names in OF_UNITS
+    ],
+    "surveys": [
+        at_positions(f"{RESULTS}/survey/{{position}}.json", names) for names in OF_UNITS
+    ],
+    "recordings": [recordings_of(names) for names in OF_UNITS],
+    "rotations": [
+        expand(f"{RESULTS}/recordings/{{sample}}/rotations.parquet", sample=names)
+        for names in OF_UNITS
+    ],
+}
 UNIT_DRIFT_FILES = expand(
     f"{RESULTS}/calibrations/{{unit}}.drift.{{suffix}}",
     unit=SURVEYED_UNITS,
@@ -80,44 +97,33 @@ rule measure_drift:
 
 rule measure_unit_drift:
     input:
-        assigned=lambda wildcards: per_window(
-            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-            samples_of_calibration(wildcards),
-        ),
-        surveys=lambda wildcards: at_positions(
-            f"{RESULTS}/survey/{{position}}.json",
-            samples_of_calibration(wildcards),
-        ),
-        recordings=lambda wildcards: recordings_of(samples_of_calibration(wildcards)),
-        rotations=lambda wildcards: expand(
-            f"{RESULTS}/recordings/{{sample}}/rotations.parquet",
-            sample=samples_of_calibration(wildcards),
-        ),
-        judged=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.json",
+        assigned=grouped(OF_UNIT_DRIFT["assigned"]),
+        surveys=grouped(OF_UNIT_DRIFT["surveys"]),
+        recordings=grouped(OF_UNIT_DRIFT["recordings"]),
+        rotations=grouped(OF_UNIT_DRIFT["rotations"]),
+        judged=[f"{RESULTS}/calibrations/{unit}.json" for unit in SURVEYED_UNITS],
     output:
-        csv=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.csv",
-        svg=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.svg",
-        png=f"{RESULTS}/calibrations/{{scanner}}/{{unit}}.drift.png",
+        csv=[f"{RESULTS}/calibrations/{unit}.drift.csv" for unit in SURVEYED_UNITS],
+        svg=[f"{RESULTS}/calibrations/{unit}.drift.svg" for unit in SURVEYED_UNITS],
+        png=[f"{RESULTS}/calibrations/{unit}.drift.png" for unit in SURVEYED_UNITS],
     log:
-        f"{RESULTS}/logs/measure_unit_drift/{{scanner}}.{{unit}}.log",
-    wildcard_constraints:
-        unit=one_of([name for sets in STUDY.calibrations.values() for name in sets]),
+        f"{RESULTS}/logs/measure_unit_drift.log",
     params:
-        samples=lambda wildcards: samples_per_window(samples_of_calibration(wildcards)),
-        windows=lambda wildcards: [
-            window
-            for name in samples_of_calibration(wildcards)
-            for window in STUDY.samples[name].windows
+        taken=taken(**OF_UNIT_DRIFT),
+        scanner=[scanner for scanner, sets in STUDY.calibrations.items() for _ in sets],
+        unit=[name for sets in STUDY.calibrations.values() for name in sets],
+        samples=[samples_per_window(names) for names in OF_UNITS],
+        windows=[
+            [window for name in names for window in STUDY.samples[name].windows]
+            for names in OF_UNITS
         ],
-        names=samples_of_calibration,
-        positions=lambda wildcards: [
-            STUDY.surveyed[name].position for name in samples_of_calibration(wildcards)
+        names=OF_UNITS,
+        positions=[
+            [STUDY.surveyed[name].position for name in names] for names in OF_UNITS
         ],
-        ports=lambda wildcards: [
-            STUDY.samples[name].port for name in samples_of_calibration(wildcards)
-        ],
-        addresses=lambda wildcards: [
-            STUDY.samples[name].address for name in samples_of_calibration(wildcards)
+        ports=[[STUDY.samples[name].port for name in names] for names in OF_UNITS],
+        addresses=[
+            [STUDY.samples[name].address for name in names] for names in OF_UNITS
         ],
         length=lambda wildcards: SETTINGS.windows.rotations,
         simulated=bool(WORLD),

@@ -10,8 +10,7 @@
 LASER_FIGURES = figures_of("std", "within", "within_1sigma", "within_3sigma")
 HISTOGRAMS = figures_of("histogram")
 CORRECTIONS = figures_of("corrections")
-DIAGRAMS = figures_of("packet", "frame", "residual", "flow")
-PROCEDURES = figures_of("procedure")
+DIAGRAMS = figures_of("packet", "frame", "residual", "flow", "procedure")
 
 # For each figure: the files that it shows.
 OF_HISTOGRAMS = [
@@ -102,19 +101,6 @@ rule draw_diagram:
         f"{RESULTS}/logs/draw_diagram.log",
     params:
         selection=[each.plain() for each in DIAGRAMS.values()],
-    script:
-        "../../scripts/draw_diagram.py"
-
-
-rule draw_procedure:
-    output:
-        svg=figure_files(PROCEDURES, ["svg"]),
-        png=in_report("figure", "Figures", figure_files(PROCEDURES, ["png"])),
-        csv=figure_files(PROCEDURES, ["csv"]),
-    log:
-        f"{RESULTS}/logs/draw_procedure.log",
-    localrule: True
-    params:
         samples=list(STUDY.surveyed),
         scanners=[each.scanner for each in STUDY.surveyed.values()],
         positions=[each.position for each in STUDY.surveyed.values()],
@@ -122,4 +108,4 @@ rule draw_procedure:
         tables=SETTINGS.plain()["tables"],
         simulated=bool(WORLD),
     script:
-        "../../scripts/draw_procedure.py"
+        "../../scripts/draw_diagram.py"

@@ -128,7 +128,5 @@ class ProcedureFigure(Section):
 
 SampleFigure = LaserFigure | HistogramFigure | PlanFigure
 SetFigure = MapFigure | CorrectionsFigure
-Diagram = PacketFigure | FrameFigure | ResidualFigure | FlowFigure
-Figure = Annotated[
-    SampleFigure | SetFigure | Diagram | ProcedureFigure, Field(discriminator="kind")
-]
+Diagram = PacketFigure | FrameFigure | ResidualFigure | FlowFigure | ProcedureFigure
+Figure = Annotated[SampleFigure | SetFigure | Diagram, Field(discriminator="kind")]

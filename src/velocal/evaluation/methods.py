@@ -28,7 +28,6 @@ from velocal.adjustment.solvers import (
     WithPrior,
 )
 from velocal.adjustment.stochastic import Stochastic
-from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
 from velocal.arrays import Array, joined_rows
@@ -246,6 +245,9 @@ def run_method(
     if not method.parameters:
         return Estimate(factory)
     if method.unit:
+        # Here: it needs scipy.linalg, and many jobs import this module.
+        from velocal.adjustment.unit.adjust import adjust_unit
+
         return Estimate(adjust_unit(_stations(calibration), factory, settings).calibration.adjusted)
     initial = nominal if nominal is not None and method.start == "nominal" else factory
     # Neither the survey's uncertainty nor correlation enters any estimate.

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, stdtrit
 
 from velocal.adjustment.observations import Observations
-from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.adjustment.unit.result import NAMES, UnitCalibration
 from velocal.adjustment.unit.settings import UnitSettings
 from velocal.adjustment.unit.station import UnitStation
@@ -211,6 +210,9 @@ def between_recordings(
     """
     if len(stations) < 2:
         return None
+    # Here: it needs scipy.linalg, and windows of one position are compared without it.
+    from velocal.adjustment.unit.adjust import adjust_unit
+
     alone = [
         adjust_unit([station], unit.calibration.adjusted, _own(unit, settings))
         for station in stations

@@ -3,23 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from velocal.arrays import Array
 from velocal.errors import SurveyError
 from velocal.io.written_tables import number, read_written_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Coordinates, angles and lengths of a survey are not larger, in the unit of their column: the
 #: northings of a UTM grid have 1e7 m.
 LARGEST = 1e8
 #: Standard deviations, in the unit of their column.
 SMALLEST_STD, LARGEST_STD = 1e-6, 1e6
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of a CSV file of a survey.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (n,)
+        By name: texts as objects, or numbers, NaN where a value is missing.
+    lines : sequence of int
+        Line of the file in which every row stands.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    lines: Sequence[int]
+
+    def text(self, name: str) -> tuple[str, ...]:
+        """Return a column of text."""
+        return tuple(self.columns[name])
+
+    def numbers(self, names: Sequence[str]) -> Array:
+        """Return columns of numbers side by side, shape (n, len(names))."""
+        return np.column_stack([self.columns[name] for name in names])
+
+    def where(self, rows: NDArray[np.bool_]) -> Table:
+        """Return some of the rows."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return Table(columns, [line for line, kept in zip(self.lines, rows, strict=True) if kept])
 
 
 def read_table(
@@ -30,7 +58,7 @@ def read_table(
     *,
     gaps: bool = False,
     may_be_empty: Sequence[str] = (),
-) -> pd.DataFrame:
+) -> Table:
     """Read a CSV file of a survey, and check it.
 
     Parameters
@@ -50,8 +78,7 @@ def read_table(
 
     Returns
     -------
-    DataFrame
-        Its index holds the lines of the file.
+    Table
 
     Raises
     ------
@@ -61,10 +88,9 @@ def read_table(
         beyond `SMALLEST_STD` and `LARGEST_STD`.
     """
     written = read_written_table(path, [*names, *numbers], SurveyError)
-    import pandas as pd
-
-    table = pd.DataFrame(written.columns, columns=[*names, *numbers], dtype=object)
-    table.index = pd.Index(written.lines)
+    columns: dict[str, NDArray[Any]] = {
+        name: np.array(written.columns[name], dtype=object) for name in names
+    }
 
     def check(good: NDArray[np.bool_], what: str, allowed: str | None, hint: str | None) -> None:
         if not good.all():
@@ -110,27 +136,27 @@ def read_table(
             f"{low:g} to {high:g}",
             "The unit is part of the name of the column.",
         )
-        table[column] = found
+        columns[column] = found
     for value, deviation in positive.items():
-        there = ~np.isnan(table[value].to_numpy())
+        there = ~np.isnan(columns[value])
         text = written.columns[value]
         if not gaps:
             check(there, f"{value} is missing", "a number", None)
         check(
-            ~there | ~np.isnan(table[deviation].to_numpy()),
+            ~there | ~np.isnan(columns[deviation]),
             f"{deviation} is missing",
             f"{SMALLEST_STD:g} to {LARGEST_STD:g}",
             "State the accuracy of each value.",
         )
-    return table
+    return Table(columns, written.lines)
 
 
-def check_unique(table: pd.DataFrame, columns: Sequence[str], what: str, where: str) -> None:
+def check_unique(table: Table, columns: Sequence[str], what: str, where: str) -> None:
     """Check that no row has the names of an earlier row.
 
     Parameters
     ----------
-    table : DataFrame
+    table : Table
         As `read_table` gives it.
     columns : sequence of str
         Columns of the names, with the name for the message first.
@@ -144,13 +170,12 @@ def check_unique(table: pd.DataFrame, columns: Sequence[str], what: str, where: 
     SurveyError
         If a row does.
     """
-    twice = table.duplicated(list(columns)).to_numpy()
-    if twice.any():
-        row = int(np.argmax(twice))
-        names = table[list(columns)]
-        first = int(np.argmax((names == names.iloc[row]).all(axis=1).to_numpy()))
-        raise SurveyError(
-            f"{what} {names.iloc[row, 0]!r} occurs twice",
-            where=f"{where}, row {table.index[row]}",
-            hint=f"Row {table.index[first]} has the same name: delete one, or rename it.",
-        )
+    first: dict[tuple[str, ...], int] = {}
+    for names, line in zip(zip(*map(table.text, columns), strict=True), table.lines, strict=True):
+        if names in first:
+            raise SurveyError(
+                f"{what} {names[0]!r} occurs twice",
+                where=f"{where}, row {line}",
+                hint=f"Row {first[names]} has the same name: delete one, or rename it.",
+            )
+        first[names] = line

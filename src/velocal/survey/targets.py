@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from velocal.geometry.covariance import covariance_fault
 from velocal.geometry.planes import fit_plane
 from velocal.io import storage
 from velocal.survey.tables import check_unique, read_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COORDINATES = ("x_m", "y_m", "z_m")
 DEVIATIONS = ("std_x_mm", "std_y_mm", "std_z_mm")
@@ -294,10 +291,10 @@ def read_targets(path: str | Path, group: str, *, repeated: bool = False) -> Tar
     if not repeated:
         check_unique(table, ("target", group), "target", str(path))
     return Targets(
-        tuple(table["target"]),
-        tuple(table[group]),
-        table[list(COORDINATES)].to_numpy(dtype=float),
-        table[list(DEVIATIONS)].to_numpy(dtype=float) * 1e-3,
+        table.text("target"),
+        table.text(group),
+        table.numbers(COORDINATES),
+        table.numbers(DEVIATIONS) * 1e-3,
     )
 
 
@@ -306,7 +303,7 @@ def write_targets(path: Path, group: str, parts: Sequence[Targets]) -> None:
     storage.write_csv(path, target_table(group, parts))
 
 
-def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
+def target_table(group: str, parts: Sequence[Targets]) -> dict[str, Any]:
     """Table of a survey file, with coordinates rounded to a hundredth of a millimetre.
 
     Parameters
@@ -315,21 +312,20 @@ def target_table(group: str, parts: Sequence[Targets]) -> pd.DataFrame:
         Name of the grouping column; see `read_targets`.
     parts : sequence of Targets
         They follow one another in the table.
-    """
-    import pandas as pd
 
-    frames = [
-        pd.DataFrame(
-            {
-                "target": part.name,
-                group: part.group,
-                **{c: np.round(part.xyz[:, i], 5) for i, c in enumerate(COORDINATES)},
-                **{c: np.round(part.std[:, i] * 1e3, 3) for i, c in enumerate(DEVIATIONS)},
-            }
-        )
-        for part in parts
-    ]
-    return pd.concat(frames, ignore_index=True)
+    Returns
+    -------
+    dict of str to list or ndarray
+        Columns by name.
+    """
+    xyz = np.round(np.concatenate([part.xyz for part in parts]), 5)
+    std_mm = np.round(np.concatenate([part.std for part in parts]) * 1e3, 3)
+    return {
+        "target": [name for part in parts for name in part.name],
+        group: [name for part in parts for name in part.group],
+        **dict(zip(COORDINATES, xyz.T, strict=True)),
+        **dict(zip(DEVIATIONS, std_mm.T, strict=True)),
+    }
 
 
 def shifted_plane(origin: Array) -> Array:

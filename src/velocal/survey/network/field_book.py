@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from velocal.errors import SurveyError
 from velocal.io import storage
 from velocal.survey.network.model import ControlPoints, ImageObservations, PolarObservations
-from velocal.survey.tables import check_unique, read_table
+from velocal.survey.tables import Table, check_unique, read_table
 from velocal.survey.targets import COORDINATES, DEVIATIONS, Targets, read_targets, target_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 POLAR = ("direction_deg", "zenith_deg", "distance_m")
 POLAR_DEVIATIONS = ("std_direction_arcsec", "std_zenith_arcsec", "std_distance_mm")
@@ -77,8 +74,8 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
         paths["points"], ("target", "plane"), COORDINATES, {}, may_be_empty=("plane",)
     )
     check_unique(points, ("target",), "point", where)
-    xyz = points[list(COORDINATES)].to_numpy(dtype=float)
-    known = np.isfinite(xyz).all(axis=1)
+    xyz = points.numbers(COORDINATES)
+    known = np.asarray(np.isfinite(xyz).all(axis=1))
     if known.sum() < 3:
         raise SurveyError(
             f"{known.sum()} points with approximate coordinates",
@@ -86,16 +83,20 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
             allowed="3 or more control points",
             hint="Their approximate coordinates define the site frame.",
         )
-    on_plane = (points["plane"] != "").to_numpy()
     base_polar = _polar_rows(paths["base_sights"], "position", "station", "target")
     base = read_targets(paths["base_readings"], "scanner", repeated=True)
     return FieldBook(
-        control=ControlPoints(tuple(points["target"][known]), xyz[known]),
-        planes=dict(zip(points["target"][on_plane], points["plane"][on_plane], strict=True)),
+        control=ControlPoints(points.where(known).text("target"), xyz[known]),
+        planes={
+            target: plane
+            for target, plane in zip(points.text("target"), points.text("plane"), strict=True)
+            if plane
+        },
         polar=_polar(_polar_rows(paths["network"], "station", "target")),
         images=_images(paths["images"]) if paths.get("images") else ImageObservations.joined([]),
         base_polar={
-            str(name): _polar(part) for name, part in base_polar.groupby("position", sort=False)
+            name: _polar(base_polar.where(base_polar.columns["position"] == name))
+            for name in dict.fromkeys(base_polar.text("position"))
         },
         base_coordinates={
             name: base.of(name, where=str(paths["base_readings"]))
@@ -117,8 +118,6 @@ def write_field_book(
     principal_distance_mm : float
         Of the camera that took all images.
     """
-    import pandas as pd
-
     names = list(dict.fromkeys((*book.control.name, *book.planes)))
     xyz = dict(zip(book.control.name, (np.round(book.control.xyz, 5) + 0.0).tolist(), strict=True))
     table: dict[str, Sequence[object]] = {
@@ -127,67 +126,59 @@ def write_field_book(
     }
     for axis, column in enumerate(COORDINATES):
         table[column] = [xyz[name][axis] if name in xyz else np.nan for name in names]
-    storage.write_csv(paths["points"], pd.DataFrame(table))
+    storage.write_csv(paths["points"], table)
     storage.write_csv(paths["network"], _polar_table(book.polar))
-    parts = [
-        _polar_table(part).assign(position=name)[
-            ["position", "station", "target", *POLAR, *POLAR_DEVIATIONS]
-        ]
-        for name, part in book.base_polar.items()
-    ]
-    storage.write_csv(paths["base_sights"], pd.concat(parts, ignore_index=True))
+    columns = {"position": [n for n, part in book.base_polar.items() for _ in part.target]}
+    together = PolarObservations.joined(list(book.base_polar.values()))
+    storage.write_csv(paths["base_sights"], columns | _polar_table(together))
     value = book.images.value * principal_distance_mm
     images = {
-        "image": book.images.setup,
-        "target": book.images.target,
+        "image": list(book.images.setup),
+        "target": list(book.images.target),
         "x_mm": np.round(value[:, 0], 5),
         "y_mm": np.round(value[:, 1], 5),
         "std_um": np.round(book.images.std[:, 0] * principal_distance_mm * 1e3, 3),
         "principal_distance_mm": np.full(len(value), principal_distance_mm),
     }
-    storage.write_csv(paths["images"], pd.DataFrame(images))
+    storage.write_csv(paths["images"], images)
     base = target_table("scanner", list(book.base_coordinates.values()))
-    columns = ["scanner", "target", *COORDINATES, *DEVIATIONS]
-    storage.write_csv(paths["base_readings"], base[columns])
+    first = ("scanner", "target", *COORDINATES, *DEVIATIONS)
+    storage.write_csv(paths["base_readings"], {name: base[name] for name in first})
 
 
-def _polar_table(polar: PolarObservations) -> pd.DataFrame:
-    import pandas as pd
-
+def _polar_table(polar: PolarObservations) -> dict[str, Any]:
+    """Columns of observations, by name."""
     value, std = polar.value / POLAR_UNITS, polar.std / DEVIATION_UNITS
     value[:, 0] = np.mod(value[:, 0], 360.0)
-    return pd.DataFrame(
-        {
-            "station": polar.setup,
-            "target": polar.target,
-            **{c: np.round(value[:, i], 6 if i < 2 else 5) for i, c in enumerate(POLAR)},
-            **{c: np.round(std[:, i], 3) for i, c in enumerate(POLAR_DEVIATIONS)},
-        }
-    )
+    return {
+        "station": list(polar.setup),
+        "target": list(polar.target),
+        **{c: np.round(value[:, i], 6 if i < 2 else 5) for i, c in enumerate(POLAR)},
+        **{c: np.round(std[:, i], 3) for i, c in enumerate(POLAR_DEVIATIONS)},
+    }
 
 
-def _polar_rows(path: Path, *names: str) -> pd.DataFrame:
+def _polar_rows(path: Path, *names: str) -> Table:
     positive = dict(zip(POLAR, POLAR_DEVIATIONS, strict=True))
     return read_table(path, names, (*POLAR, *POLAR_DEVIATIONS), positive, gaps=True)
 
 
-def _polar(table: pd.DataFrame) -> PolarObservations:
+def _polar(table: Table) -> PolarObservations:
     return PolarObservations(
-        tuple(table["station"]),
-        tuple(table["target"]),
-        table[list(POLAR)].to_numpy(dtype=float) * POLAR_UNITS,
-        table[list(POLAR_DEVIATIONS)].to_numpy(dtype=float) * DEVIATION_UNITS,
+        table.text("station"),
+        table.text("target"),
+        table.numbers(POLAR) * POLAR_UNITS,
+        table.numbers(POLAR_DEVIATIONS) * DEVIATION_UNITS,
     )
 
 
 def _images(path: Path) -> ImageObservations:
     positive = {"x_mm": "std_um", "y_mm": "std_um", "std_um": "principal_distance_mm"}
     table = read_table(path, ("image", "target"), IMAGE, positive)
-    distance = table["principal_distance_mm"].to_numpy(dtype=float)[:, None]
-    std = table[["std_um", "std_um"]].to_numpy(dtype=float) * 1e-3 / distance
+    distance = table.numbers(("principal_distance_mm",))
     return ImageObservations(
-        tuple(table["image"]),
-        tuple(table["target"]),
-        table[["x_mm", "y_mm"]].to_numpy(dtype=float) / distance,
-        std,
+        table.text("image"),
+        table.text("target"),
+        table.numbers(("x_mm", "y_mm")) / distance,
+        table.numbers(("std_um", "std_um")) * 1e-3 / distance,
     )

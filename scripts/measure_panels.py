@@ -5,7 +5,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from velocal.calibration.files import formats
 from velocal.evaluation.candidates import with_sets
@@ -53,7 +52,8 @@ def main(
     planes = fit_panels(cloud, place, PlaneLimits.from_fit(fit), f"sample {sample.name!r}")
     heading = {"kind": sample.kind, "scanner": sample.scanner, "sample": sample.name}
     rows = [heading | row for row in panel_rows(cloud, planes, compared)]
-    storage.write_csv(panels, pd.DataFrame(rows))
+    # Not a table of pandas, whose import takes as long as several samples.
+    storage.write_csv(panels, {name: [row[name] for row in rows] for name in rows[0]})
     facts = {"file": recording.name, "scanner": known.name, **opened.scan().as_dict()}
     storage.write_json(ledger, facts | {"remarks": opened.remarks})
 

@@ -24,7 +24,7 @@ from velocal.evaluation.planes_in_data import (
     fit_robustly,
     patch_points,
 )
-from velocal.evaluation.statistics import laser_statistics
+from velocal.evaluation.statistics import laser_rms
 from velocal.geometry.planes import fit_plane
 from velocal.scanner.beam import Beams
 from velocal.scanner.parameters import LaserParameters
@@ -157,7 +157,7 @@ def panel_rows(
             seen = Cloud.from_beams(each.observed(cloud[chosen]), each.parameters)
             fitted = fit_plane(seen.xyz).plane
             s = seen.s(np.arange(len(chosen)), fitted)
-            lasers = laser_statistics(s, laser_id, len(each.parameters), 1.0)
+            lasers_m = laser_rms(s, laser_id, len(each.parameters))
             rows.append(
                 {
                     "panel": plane.name,
@@ -166,8 +166,8 @@ def panel_rows(
                     "incidence_deg": float(np.rad2deg(plane.incidence_rad)),
                     "points": len(chosen),
                     "trimmed": plane.trimmed,
-                    "lasers": int(np.count_nonzero(lasers.count)),
-                    "rms_cm": float(np.nanmean(lasers.rms_m)) * 1e2,
+                    "lasers": int(np.count_nonzero(np.isfinite(lasers_m))),
+                    "rms_cm": float(np.nanmean(lasers_m)) * 1e2,
                     "pooled_rms_cm": float(np.sqrt(np.mean(s**2))) * 1e2,
                 }
             )

@@ -11,11 +11,15 @@ from velocal.adjustment.result import CalibrationSet
 from velocal.calibration.files import formats
 from velocal.exports import as_file, write_calibration
 from velocal.io import schemas, storage
-from velocal.io.scripts import run
+from velocal.io.scripts import for_each, run
 from velocal.scanner.models import scanner_named
 from velocal.study.outputs import DECODER, Export
 
 
+@for_each(
+    "adjustments", "covariances", "assigned", "calibration", "csv", "json", "yaml", "xml",
+    "decoder", "scatter", "scanner", "samples", "positions",
+)  # fmt: skip
 def main(
     *,
     adjustments: list[Path],

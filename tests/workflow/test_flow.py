@@ -5,7 +5,7 @@ from snakemake.iocontainers import Wildcards
 
 from velocal.reporting.figures.flow import HANDED_OVER, STEPS
 
-WILDCARDS = {"sample": "sa3", "position": "P2", "scanner": "HDL-64E", "parameter_set": "set1"}
+WILDCARDS = {"sample": "sa3", "position": "P2", "scanner": "HDL-64E"}
 
 
 def makers(rules, path):

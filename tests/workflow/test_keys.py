@@ -156,8 +156,7 @@ CHANGES = {
         "adjustment.by_scanner.HDL-32E.repeatability_cm", 3.0, HDL32
     ),
     "parameter_sets.{scanner}.{set}": change(
-        "parameter_sets.HDL-64E.set1", ["sa1"], Given("average_set", "adjustments",
-        (("scanner", "HDL-64E"), ("parameter_set", "set1")))
+        "parameter_sets.HDL-64E.set1", ["sa1"], Given("average_set", "adjustments")
     ),
     "export.yaml": change("export", {"yaml": "velodyne_decoder"}, f"{SET}.yaml"),
     "export.xml": change("export", {"xml": "pcl"}, f"{SET}.xml"),

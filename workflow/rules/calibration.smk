@@ -2,7 +2,7 @@
 #
 # A parameter set is a mean of the adjustments of single windows, as in the paper. A calibration is
 # one adjustment of all lasers, stations and planes of a unit. All windows of a sample are one job,
-# and so are the proofs of all exported files.
+# and so are all parameter sets, and the proofs of all exported files.
 #
 # in:   medians of a window, planes of its position, the factory's calibration
 # out:  {results}/assigned/{sample}/{window}.parquet       medians with the plane that each hit
@@ -178,39 +178,52 @@ rule judge_calibrations:
         "../../scripts/judge_calibrations.py"
 
 
+# For each parameter set: the adjustments that it is the mean of, and the samples of these.
+AVERAGED = [
+    (scanner, name) for scanner, sets in STUDY.parameter_sets.items() for name in sets
+]
+OF_AVERAGES = [STUDY.parameter_sets[scanner][name] for scanner, name in AVERAGED]
+OF_SETS = {
+    "adjustments": [
+        per_window(f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv", samples)
+        for samples in OF_AVERAGES
+    ],
+    "covariances": [
+        per_window(
+            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv", samples
+        )
+        for samples in OF_AVERAGES
+    ],
+    "assigned": [
+        per_window(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", samples)
+        for samples in OF_AVERAGES
+    ],
+    "calibration": factory_paths([scanner for scanner, _ in AVERAGED]),
+}
+
+
 rule average_set:
     input:
-        adjustments=lambda wildcards: per_window(
-            f"{RESULTS}/adjustment/{{sample}}/{{window}}.csv",
-            samples_of_set(wildcards),
-        ),
-        covariances=lambda wildcards: per_window(
-            f"{RESULTS}/adjustment/{{sample}}/{{window}}.covariance.csv",
-            samples_of_set(wildcards),
-        ),
-        assigned=lambda wildcards: per_window(
-            f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet",
-            samples_of_set(wildcards),
-        ),
-        calibration=lambda wildcards: factory_path(wildcards.scanner),
+        adjustments=grouped(OF_SETS["adjustments"]),
+        covariances=grouped(OF_SETS["covariances"]),
+        assigned=grouped(OF_SETS["assigned"]),
+        calibration=grouped(OF_SETS["calibration"]),
     output:
-        csv=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.csv",
-        json=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.json",
-        yaml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.yaml",
-        xml=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.xml",
-        decoder=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.velodyne_decoder.yaml",
-        scatter=f"{RESULTS}/parameter_sets/{{scanner}}/{{parameter_set}}.scatter.csv",
+        csv=set_files("csv"),
+        json=set_files("json"),
+        yaml=set_files("yaml"),
+        xml=set_files("xml"),
+        decoder=set_files("velodyne_decoder.yaml"),
+        scatter=set_files("scatter.csv"),
     log:
-        f"{RESULTS}/logs/average_set/{{scanner}}.{{parameter_set}}.log",
-    wildcard_constraints:
-        parameter_set=one_of(
-            [name for sets in STUDY.parameter_sets.values() for name in sets]
-        ),
+        f"{RESULTS}/logs/average_set.log",
     localrule: True
     params:
+        taken=taken(**OF_SETS),
+        scanner=[scanner for scanner, _ in AVERAGED],
         weights=lambda wildcards: STUDY.average,
-        samples=lambda wildcards: samples_per_window(samples_of_set(wildcards)),
-        positions=lambda wildcards: positions_per_window(samples_of_set(wildcards)),
+        samples=[samples_per_window(samples) for samples in OF_AVERAGES],
+        positions=[positions_per_window(samples) for samples in OF_AVERAGES],
         export=SETTINGS.export.plain(),
     script:
         "../../scripts/average_set.py"

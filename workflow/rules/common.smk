@@ -67,7 +67,6 @@ wildcard_constraints:
     window=one_of([*WINDOWS, WHOLE]),
     position=one_of(STUDY.positions),
     scanner=one_of(dict.fromkeys(s.scanner for s in STUDY.samples.values())),
-    parameter_set=r"\w+",
     seed=r"\d+",
 
 
@@ -153,8 +152,13 @@ def positions_per_window(samples):
     return [STUDY.samples[name].position for name in samples_per_window(samples)]
 
 
-def samples_of_set(wildcards):
-    return STUDY.parameter_sets[wildcards.scanner][wildcards.parameter_set]
+def set_files(suffix):
+    """Files of all parameter sets, scanner by scanner."""
+    return [
+        f"{RESULTS}/parameter_sets/{scanner}/{name}.{suffix}"
+        for scanner, sets in STUDY.parameter_sets.items()
+        for name in sets
+    ]
 
 
 def samples_of_calibration(wildcards):

@@ -33,7 +33,7 @@ class Step:
     makes : str
         What it makes, in words.
     per : str
-        What it runs once for.
+        What its script does once for: all figures, say, and all parameter sets are one job.
     needs : tuple of str
         Rules whose outputs it takes, and that are drawn as arrows.
     also : tuple of str

@@ -2,6 +2,7 @@
 # that names a missing recording would otherwise be answered by "Nothing to be done" while old
 # results lie there.
 
+import gc
 import os
 from pathlib import Path
 
@@ -15,6 +16,10 @@ from velocal.study.study import read_study
 from velocal.study.windows import MAX_MISSING, WHOLE, WINDOWS
 from velocal.survey.checks.findings import read_findings
 from velocal.survey.files import check_survey
+
+# Snakemake itself and what is imported here live until the end: Python need not visit them again
+# and again to look for garbage, as in jobs (`velocal.io.scripts.run`).
+gc.freeze()
 
 # Not `workflow.basedir`: that is the folder of whichever Snakefile includes this workflow.
 RULES = workflow.current_basedir

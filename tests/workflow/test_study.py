@@ -173,7 +173,7 @@ def test_root_and_workflow_plan_the_same(tmp_path):
 def test_number_of_jobs(tmp_path):
     """The start of a job takes longer than most of them: what belongs together is one job."""
     jobs = planned(copy_project(tmp_path / "project"))
-    assert len(jobs) < 90
+    assert len(jobs) < 85
     of_a_sample = [job for job in jobs if "sample=sa1" in job[1]]
     of_no_sample = [job for job in jobs if "sample=" not in job[1]]
     # A study of 300 samples, each at a position of its own.

@@ -87,7 +87,7 @@ def rows(
         Columns of `schemas.MAP`.
     """
     columns: dict[str, NDArray[Any]] = {
-        "position": np.full(len(beams), number),
+        "position": np.full(len(beams), number, dtype=np.uint8),
         "laser_id": beams.laser_id,
     }
     for state, parameters in zip(STATES, calibrations, strict=True):

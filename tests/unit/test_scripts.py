@@ -1,5 +1,6 @@
 """From a job's values to the arguments of a script."""
 
+import gc
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -196,3 +197,16 @@ def test_an_error_of_one_call_says_of_which(capsys):
     with pytest.raises(SystemExit):
         run(failing, job(**given))
     assert capsys.readouterr().err == "Error: 2.csv: it has no rows\n"
+
+
+def test_what_is_imported_is_not_visited_again():
+    """The collector of garbage would visit pandas and matplotlib again and again."""
+    frozen = []
+
+    def main() -> None:
+        frozen.append(gc.get_freeze_count())
+
+    gc.unfreeze()
+    run(main, job())
+    gc.unfreeze()
+    assert frozen[0] > 1000

@@ -44,7 +44,7 @@ class Table:
         """Return columns of numbers side by side, shape (n, len(names))."""
         return np.column_stack([self.columns[name] for name in names])
 
-    def where(self, rows: NDArray[np.bool_]) -> Table:
+    def take(self, rows: NDArray[np.bool_]) -> Table:
         """Return some of the rows."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         return Table(columns, [line for line, kept in zip(self.lines, rows, strict=True) if kept])

@@ -86,7 +86,7 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
     base_polar = _polar_rows(paths["base_sights"], "position", "station", "target")
     base = read_targets(paths["base_readings"], "scanner", repeated=True)
     return FieldBook(
-        control=ControlPoints(points.where(known).text("target"), xyz[known]),
+        control=ControlPoints(points.take(known).text("target"), xyz[known]),
         planes={
             target: plane
             for target, plane in zip(points.text("target"), points.text("plane"), strict=True)
@@ -95,7 +95,7 @@ def read_field_book(paths: Mapping[str, Path]) -> FieldBook:
         polar=_polar(_polar_rows(paths["network"], "station", "target")),
         images=_images(paths["images"]) if paths.get("images") else ImageObservations.joined([]),
         base_polar={
-            name: _polar(base_polar.where(base_polar.columns["position"] == name))
+            name: _polar(base_polar.take(base_polar.columns["position"] == name))
             for name in dict.fromkeys(base_polar.text("position"))
         },
         base_coordinates={

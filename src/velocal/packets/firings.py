@@ -62,7 +62,7 @@ class Firings:
         columns = np.arange(self.distance.shape[1], dtype=np.uint8)
         return self.first_laser[:, None] + columns
 
-    def __getitem__(self, rows: NDArray[np.generic]) -> Firings:
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Firings:
         return rows_of(self, rows)
 
 

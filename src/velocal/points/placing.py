@@ -381,7 +381,7 @@ def _points(firings: Firings, constants: _Constants) -> tuple[_Complex, _Floats,
 def _counted(used: NDArray[np.bool_]) -> NDArray[np.integer]:
     """Number of true values in each row."""
     if used.shape[1] not in (8, 16, 32):
-        return np.count_nonzero(used, axis=1)
+        return np.asarray(np.count_nonzero(used, axis=1))
     # Eight of them are counted as one number, and the counts of a row are added as one number too:
     # the product has their sum in its highest byte. This takes a tenth of the time of
     # `count_nonzero`.

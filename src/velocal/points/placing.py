@@ -20,9 +20,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from velocal.arrays import Array, rows_of
@@ -348,7 +349,8 @@ def place(
     horizontal, z, shift = _points(firings, constants)
     # One choice of complex numbers takes less time than two choices of their parts. Arrays that are
     # not needed any more make room in the cache for the next ones.
-    chosen = horizontal[used]
+    choice = _Choice(used)
+    chosen = choice.of(horizontal)
     del horizontal
     right, forward = chosen.imag.copy(), chosen.real.copy()
     del chosen
@@ -358,16 +360,16 @@ def place(
     columns: Columns = {
         "x": x,
         "y": y,
-        "z": z[used],
-        "intensity": firings.intensity[used],
-        "laser_id": constants.laser_id[used],
+        "z": choice.of(z),
+        "intensity": choice.of(firings.intensity),
+        "laser_id": choice.of(constants.laser_id),
         "rotation": np.repeat(rotation.astype(np.uint32), count),
         "time": np.repeat(time_s, count),
     }
     if lasers.delayed:
-        columns["time"] += constants.delay_s[used]
+        columns["time"] += choice.of(constants.delay_s)
     if shift is not None:
-        columns["shift"] = shift[used]
+        columns["shift"] = choice.of(shift)
     return columns
 
 
@@ -376,6 +378,28 @@ def _points(firings: Firings, constants: _Constants) -> tuple[_Complex, _Floats,
     shape = firings.distance.shape
     turn = np.repeat(_TURN[firings.azimuth], shape[1]).reshape(shape)
     return constants.points(firings.distance.astype(np.float32), turn)
+
+
+_Value = TypeVar("_Value", bound=np.generic)
+
+
+class _Choice:
+    """Values of an array where a mask is true, as numpy chooses them.
+
+    Arrow copies runs of values, and looks at eight values of the mask at once: it takes a half to a
+    third of the time of numpy.
+    """
+
+    def __init__(self, used: NDArray[np.bool_]) -> None:
+        packed = pa.py_buffer(np.packbits(used, bitorder="little"))
+        self._mask = pa.Array.from_buffers(pa.bool_(), used.size, [None, packed])
+
+    def of(self, values: NDArray[_Value]) -> NDArray[_Value]:
+        """Values that are chosen, shape (m,), of an array of the shape of the mask."""
+        kind = pa.from_numpy_dtype(np.dtype(f"u{values.itemsize}"))
+        given = pa.Array.from_buffers(kind, values.size, [None, pa.py_buffer(values)])
+        found = given.filter(self._mask)
+        return np.frombuffer(found.buffers()[1], values.dtype, len(found))
 
 
 def _counted(used: NDArray[np.bool_]) -> NDArray[np.integer]:

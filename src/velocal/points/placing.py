@@ -1,15 +1,16 @@
 """Points of firings, computed in single precision from four constants of each laser.
 
 Equations (1) to (3) are linear in the raw distance. With the horizontal coordinates as one complex
-number Y + i X, the head turns a point by a factor:
+number X + i Y, the head turns a point by a factor:
 
-    Y + i X = exp(i phi) (W1 tick + W0)        Z = R1 tick + R0
+    X + i Y = i exp(-i phi) (W1 tick + W0)     Z = R1 tick + R0
 
-    W1 = tick_m cos(v) exp(-i alpha)           W0 = (dl cos(v) - i hoff) exp(-i alpha)
+    W1 = tick_m cos(v) exp(i alpha)            W0 = (dl cos(v) + i hoff) exp(i alpha)
     R1 = tick_m sin(v)                         R0 = dl sin(v) + voff
 
 so that the factor is looked up once for each firing, and the distance between the points of two
-calibrations does not depend on phi. Single precision: within a few hundredths of a millimetre at
+calibrations does not depend on phi. In the frame of ROS, X is forward and Y left: the factor is
+exp(-i phi). Single precision: within a few hundredths of a millimetre at
 100 m.
 
 Near-point corrections (`velocal.calibration.dialects.TwoPoint`) move a point along its beam, X and
@@ -39,7 +40,14 @@ Columns = dict[str, NDArray[Any]]
 _Floats = NDArray[np.float32]
 _Complex = NDArray[np.complex64]
 
-_TURN = np.exp(1j * np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG)).astype(np.complex64)
+#: Y forward and X right, as everywhere here; X forward and Y left, as in ROS.
+FRAMES = ("velocal", "ros")
+_TURN = np.exp(-1j * np.deg2rad(np.arange(AZIMUTH_TICKS) * AZIMUTH_TICK_DEG))
+#: Factor of an azimuth by frame.
+_TURNS = {
+    frame: (factor * _TURN).astype(np.complex64)
+    for frame, factor in zip(FRAMES, (1j, 1.0), strict=True)
+}
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,7 @@ class _Lines:
         return cls(*(each.astype(kind).reshape(-1, width) for each, kind in pairs))
 
     def points(self, ticks: _Floats) -> tuple[_Complex, _Floats]:
-        """Y + i X at rotational angle 0, and Z, of raw distances of the firings, same shape."""
+        """W1 tick + W0 and Z of raw distances of the firings, same shape."""
         # In place and without broadcasting: these cost more than the arithmetic.
         horizontal = ticks.astype(np.complex64)
         np.multiply(self.slope, horizontal, out=horizontal)
@@ -110,10 +118,10 @@ class _Lines:
 
 def _constants(parameters: LaserParameters, rotated: Array, tick_m: float) -> list[NDArray[Any]]:
     """W1, W0, R1 and R0 of every laser, which fires after the head has `rotated`."""
-    v, beam = parameters.v, np.exp(1j * (rotated - parameters.alpha))
+    v, beam = parameters.v, np.exp(-1j * (rotated - parameters.alpha))
     return [
         tick_m * np.cos(v) * beam,
-        (parameters.dl * np.cos(v) - 1j * parameters.hoff) * beam,
+        (parameters.dl * np.cos(v) + 1j * parameters.hoff) * beam,
         tick_m * np.sin(v),
         parameters.dl * np.sin(v) + parameters.voff,
     ]
@@ -132,6 +140,7 @@ class _NearPoints:
         Nearer points are corrected.
     with_offsets, z_is_mean : bool
         See `TwoPoint`.
+    frame : {"velocal", "ros"}
     """
 
     dl: _Floats
@@ -140,9 +149,12 @@ class _NearPoints:
     limit: np.float32
     with_offsets: bool
     z_is_mean: bool
+    frame: str
 
     @classmethod
-    def of(cls, use: AppliedCalibration, two_point: TwoPoint, width: int) -> _NearPoints:
+    def of(
+        cls, use: AppliedCalibration, two_point: TwoPoint, width: int, frame: str
+    ) -> _NearPoints:
         """Corrections of a calibration, by bank."""
         tick_m = use.scanner.distance_tick_m
         effective = use.dialect.effective(use.parameters, use.scanner)
@@ -156,7 +168,7 @@ class _NearPoints:
             (each / tick_m).astype(np.float32).reshape(-1, width) for each in (dl, *per_metre)
         )
         limit, mean = np.float32(two_point.limit_m / tick_m), two_point.z == "mean"
-        return cls(dl, by_x, by_y, limit, two_point.with_offsets, mean)
+        return cls(dl, by_x, by_y, limit, two_point.with_offsets, mean, frame)
 
     def move(
         self, points: tuple[_Complex, _Floats], lines: _Lines, ticks: _Floats, turn: _Complex
@@ -169,9 +181,11 @@ class _NearPoints:
         beam = lines.slope * turn
         corrected = ticks + self.dl
         along = []
-        for part, of_beam, per_metre in (
-            (horizontal.imag, beam.imag, self.by_x),
-            (horizontal.real, beam.real, self.by_y),
+        for part, of_beam, per_metre in zip(
+            _right_and_forward(horizontal, self.frame),
+            _right_and_forward(beam, self.frame),
+            (self.by_x, self.by_y),
+            strict=True,
         ):
             at = np.abs(part if self.with_offsets else of_beam * corrected)
             further = np.subtract(np.float32(FAR_POINT_M), at, out=at)
@@ -202,6 +216,7 @@ class _Constants:
         Likewise.
     between : _Lines or None
         Lines from the points of one calibration to those of the other, where these are lines.
+    frame : {"velocal", "ros"}
     """
 
     laser_id: NDArray[np.uint8]
@@ -211,6 +226,7 @@ class _Constants:
     lines: tuple[_Lines, ...]
     near: tuple[_NearPoints | None, ...]
     between: _Lines | None
+    frame: str
 
     def rows(self, rows: NDArray[np.intp] | slice) -> _Constants:
         """Take some rows of every array."""
@@ -222,19 +238,21 @@ class _Constants:
         )
 
     def points(self, ticks: _Floats, turn: _Complex) -> tuple[_Complex, _Floats, _Floats | None]:
-        """Y + i X, Z and shift of raw distances, shape (n, width), at rotations of the head."""
+        """X + i Y, Z and shift of raw distances, shape (n, width), at rotations of the head."""
         horizontal, z = self._turned(0, ticks, turn)
         if len(self.lines) == 1:
             return horizontal, z, None
         if self.between is not None:
             across, up = self.between.points(ticks)
+            forward, right = across.real, across.imag
         else:
             across, up = self._turned(1, ticks, turn)
             across -= horizontal
             up -= z
+            right, forward = _right_and_forward(across, self.frame)
         up *= up
-        up += across.real**2
-        up += across.imag**2
+        up += forward**2
+        up += right**2
         return horizontal, z, np.sqrt(up, out=up)
 
     def _turned(self, number: int, ticks: _Floats, turn: _Complex) -> tuple[_Complex, _Floats]:
@@ -245,6 +263,11 @@ class _Constants:
         if near is not None:
             near.move((horizontal, z), lines, ticks, turn)
         return horizontal, z
+
+
+def _right_and_forward(points: _Complex, frame: str) -> tuple[_Floats, _Floats]:
+    """Coordinates to the right (or left) and forward of points in a frame, as views."""
+    return (points.real, points.imag) if frame == "velocal" else (points.imag, points.real)
 
 
 class Lasers:
@@ -273,7 +296,7 @@ class Lasers:
         rotated = 2.0 * np.pi * rate_hz * delay_s
         constants = [_constants(use.model, rotated, tick_m) for use in uses]
         near = tuple(
-            _NearPoints.of(use, use.dialect.two_point, width)
+            _NearPoints.of(use, use.dialect.two_point, width, settings.frame)
             if use.has_near_points and use.dialect.two_point is not None
             else None
             for use in uses
@@ -296,6 +319,7 @@ class Lasers:
             lines=tuple(_Lines.rounded(each, width) for each in constants),
             near=near,
             between=between,
+            frame=settings.frame,
         )
         self._first_laser = b""
         self._by_firing = self._by_bank.rows(np.empty(0, dtype=np.intp))
@@ -317,7 +341,6 @@ def place(
     rotation: NDArray[np.int64],
     time_s: Array,
     lasers: Lasers,
-    frame: str,
 ) -> Columns:
     """Compute the points of those returns of firings that are within the limits of range.
 
@@ -331,8 +354,6 @@ def place(
         When it began.
     lasers : Lasers
         Constants of the lasers.
-    frame : {"velocal", "ros"}
-        Frame of the coordinates.
 
     Returns
     -------
@@ -347,19 +368,15 @@ def place(
     if rotation.min(initial=0) < 0:
         used &= (rotation >= 0)[:, None]
     horizontal, z, shift = _points(firings, constants)
-    # One choice of complex numbers takes less time than two choices of their parts. Arrays that are
-    # not needed any more make room in the cache for the next ones.
+    # X and Y stay one array. Arrays that are not needed any more make room in the cache for others.
     choice = _Choice(used)
     chosen = choice.of(horizontal)
     del horizontal
-    right, forward = chosen.imag.copy(), chosen.real.copy()
-    del chosen
-    x, y = (right, forward) if frame == "velocal" else (forward, np.negative(right, out=right))
     # A firing's values are repeated as often as it has points: half the time of any index.
     count = _counted(used)
     columns: Columns = {
-        "x": x,
-        "y": y,
+        "x": chosen.real,
+        "y": chosen.imag,
         "z": choice.of(z),
         "intensity": choice.of(firings.intensity),
         "laser_id": choice.of(constants.laser_id),
@@ -374,9 +391,9 @@ def place(
 
 
 def _points(firings: Firings, constants: _Constants) -> tuple[_Complex, _Floats, _Floats | None]:
-    """Y + i X, Z and shift of all returns, shape (n, width)."""
+    """X + i Y, Z and shift of all returns, shape (n, width)."""
     shape = firings.distance.shape
-    turn = np.repeat(_TURN[firings.azimuth], shape[1]).reshape(shape)
+    turn = np.repeat(_TURNS[constants.frame][firings.azimuth], shape[1]).reshape(shape)
     return constants.points(firings.distance.astype(np.float32), turn)
 
 

@@ -16,7 +16,7 @@ from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, flags_and_azimuths, view
 from velocal.packets.dual import ONLY, check_choice, dual_packets
 from velocal.packets.firings import decode
-from velocal.points.placing import Columns, Lasers, Settings, place
+from velocal.points.placing import FRAMES, Columns, Lasers, Settings, place
 from velocal.recording import timing
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
@@ -31,8 +31,6 @@ from velocal.scanner.parameters import LaserParameters
 DECODED, PACKETS = 2048, 256
 #: The device clock counts the seconds of an hour.
 HOUR_S = 3600.0
-#: Y forward and X right, as everywhere here; X forward and Y left, as in ROS.
-FRAMES = ("velocal", "ros")
 
 
 class _Clock:
@@ -128,8 +126,9 @@ def stream(
     Yields
     ------
     columns : dict of str to ndarray, shape (n,)
-        ``x``, ``y``, ``z`` and ``shift`` in metres (float32), ``intensity``, ``laser_id``,
-        ``rotation``; ``time`` in seconds since the first packet of the recording, of the shot.
+        ``x``, ``y``, ``z`` and ``shift`` in metres (float32; ``x`` and ``y`` are views of one
+        array), ``intensity``, ``laser_id``, ``rotation``; ``time`` in seconds since the first
+        packet of the recording, of the shot.
     packets : int
         Packets that they come from.
     """
@@ -153,7 +152,7 @@ def stream(
             edges = np.searchsorted(packet, np.arange(0, n + PACKETS, PACKETS))
             for number, (first, last) in enumerate(pairwise(edges.tolist())):
                 rows = slice(first, last)
-                columns = place(firings[rows], rotation[rows], time_s[rows], lasers, settings.frame)
+                columns = place(firings[rows], rotation[rows], time_s[rows], lasers)
                 yield columns, min(PACKETS, n - PACKETS * number)
 
 

@@ -33,7 +33,6 @@ LAS_SCALE_M = 0.001
 LAS_DAY = date(2000, 1, 1)
 
 _PLY = {"f4": "float", "f8": "double", "u1": "uchar", "u4": "uint"}
-_COORDINATES = ("x", "y", "z", "shift")
 _ROW = {field.name: np.dtype(field.type.to_pandas_dtype()).str[1:] for field in schemas.POINTS}
 
 
@@ -150,11 +149,11 @@ def _parquet(path: Path, names: Sequence[str], facts: Mapping[str, Any]) -> Iter
     schema = pa.schema(
         [schemas.POINTS.field(name) for name in names], metadata=schemas.POINTS.metadata
     )
-    # The last bytes of coordinates are noise, for which the quickest level makes files of the same
-    # size. A row group holds most of a rotation, so that only these two columns have least and
-    # largest values that tell a reader which groups it needs.
+    # Only intensities become smaller with a higher level: the last bytes of coordinates are noise,
+    # and the other columns repeat themselves. A row group holds most of a rotation, so that only
+    # two columns have least and largest values that tell a reader which groups it needs.
     settings = {
-        "compression_level": {name: -1 if name in _COORDINATES else 1 for name in names},
+        "compression_level": {name: 1 if name == "intensity" else -1 for name in names},
         "compression": dict.fromkeys(names, "zstd"),
         "write_statistics": ["rotation", "time"],
         "write_batch_size": 1 << 16,

@@ -373,7 +373,7 @@ def place(
     chosen = choice.of(horizontal)
     del horizontal
     # A firing's values are repeated as often as it has points: half the time of any index.
-    count = _counted(used)
+    count = _counted(used, choice.packed)
     columns: Columns = {
         "x": chosen.real,
         "y": chosen.imag,
@@ -408,8 +408,9 @@ class _Choice:
     """
 
     def __init__(self, used: NDArray[np.bool_]) -> None:
-        packed = pa.py_buffer(np.packbits(used, bitorder="little"))
-        self._mask = pa.Array.from_buffers(pa.bool_(), used.size, [None, packed])
+        self.packed = np.packbits(used, bitorder="little")
+        bits = pa.py_buffer(self.packed)
+        self._mask = pa.Array.from_buffers(pa.bool_(), used.size, [None, bits])
 
     def of(self, values: NDArray[_Value]) -> NDArray[_Value]:
         """Values that are chosen, shape (m,), of an array of the shape of the mask."""
@@ -419,14 +420,12 @@ class _Choice:
         return np.frombuffer(found.buffers()[1], values.dtype, len(found))
 
 
-def _counted(used: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Number of true values in each row."""
+def _counted(
+    used: NDArray[np.bool_], packed: NDArray[np.uint8] | None = None
+) -> NDArray[np.integer]:
+    """Number of true values in each row, of which `packed` are the bits if they are known."""
     if used.shape[1] not in (8, 16, 32):
         return np.asarray(np.count_nonzero(used, axis=1))
-    # Eight of them are counted as one number, and the counts of a row are added as one number too:
-    # the product has their sum in its highest byte. This takes a tenth of the time of
-    # `count_nonzero`.
-    width = used.shape[1] // 8
-    eights = np.bitwise_count(used.view(np.uint64)).view(f"u{width}")[:, 0]
-    ones = eights.dtype.type(int.from_bytes(bytes([1] * width), "little"))
-    return np.asarray(eights * ones >> eights.dtype.type(8 * (width - 1)))
+    # The bits of a row as one number: a tenth of the time of `count_nonzero`.
+    packed = np.packbits(used, bitorder="little") if packed is None else packed
+    return np.asarray(np.bitwise_count(packed.view(f"u{used.shape[1] // 8}")))

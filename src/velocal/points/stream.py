@@ -28,7 +28,7 @@ from velocal.scanner.parameters import LaserParameters
 
 #: Packets that are decoded together, and that are placed together: the arrays of points, which are
 #: larger, stay in the processor's cache.
-DECODED, PACKETS = 2048, 256
+DECODED, PACKETS = 1024, 256
 #: The device clock counts the seconds of an hour.
 HOUR_S = 3600.0
 

@@ -10,8 +10,7 @@ number X + i Y, the head turns a point by a factor:
 
 so that the factor is looked up once for each firing, and the distance between the points of two
 calibrations does not depend on phi. In the frame of ROS, X is forward and Y left: the factor is
-exp(-i phi). Single precision: within a few hundredths of a millimetre at
-100 m.
+exp(-i phi). Single precision: within a few hundredths of a millimetre at 100 m.
 
 Near-point corrections (`velocal.calibration.dialects.TwoPoint`) move a point along its beam, X and
 Y by lengths of their own, which are linear in X and Y.
@@ -174,9 +173,10 @@ class _NearPoints:
         self, points: tuple[_Complex, _Floats], lines: _Lines, ticks: _Floats, turn: _Complex
     ) -> None:
         """Add the corrections to points, shape (n, width), that the head has turned by `turn`."""
-        within = ticks <= self.limit
-        if not within.any():
+        near = ticks <= self.limit
+        if not near.any():
             return
+        within = None if near.all() else near.astype(np.float32)
         horizontal, z = points
         beam = lines.slope * turn
         corrected = ticks + self.dl
@@ -187,12 +187,14 @@ class _NearPoints:
             (self.by_x, self.by_y),
             strict=True,
         ):
+            of_beam = of_beam.copy()  # a view of every other number is slower each time
             at = np.abs(part if self.with_offsets else of_beam * corrected)
             further = np.subtract(np.float32(FAR_POINT_M), at, out=at)
             further *= per_metre
-            if not within.all():
+            if within is not None:
                 further *= within
-            part += further * of_beam
+            of_beam *= further
+            part += of_beam
             along.append(further)
         further_z = (along[0] + along[1]) / 2 if self.z_is_mean else along[1]
         further_z *= lines.slope_z

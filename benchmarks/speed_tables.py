@@ -12,6 +12,7 @@ import numpy as np
 from speed_measure import Measures, Recorded, read, table
 
 from velocal.io import schemas, storage
+from velocal.io.output import new_file
 from velocal.points import files
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.placing import Settings
@@ -197,9 +198,9 @@ def points(of: Recorded, folder: Path, rounds: int) -> str:
         measures.works[f"velocal, {suffix}"]()
         size = (folder / f"points{suffix}").stat().st_size
 
-        def plain(size: int = size) -> None:
+        def plain(size: int = size, suffix: str = suffix) -> None:
             piece = bytes(1 << 20)
-            with (folder / "plain").open("wb", buffering=0) as file:
+            with new_file(folder / f"plain{suffix}") as file:
                 for _ in range(size // len(piece)):
                     file.write(piece)
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 from speed_measure import Measures, Recorded, read, table
 
 from velocal.io import schemas, storage
+from velocal.io.output import new_file
+from velocal.points import files
 from velocal.points.files import FORMATS, cloud_writer
 from velocal.points.placing import Settings
 from velocal.points.stream import stream
@@ -131,6 +137,27 @@ def parquet(of: Recorded, folder: Path, rounds: int) -> str:
     return table(["what", "ms", "MB", "times as fast as pandas"], rows)
 
 
+class _Nowhere(io.RawIOBase):
+    """Takes all bytes and keeps none: what is left is the time of velocal alone."""
+
+    def writable(self) -> bool:
+        """Writers ask for it."""
+        return True
+
+    def write(self, data: memoryview) -> int:  # type: ignore[override]
+        """Number of the bytes, as a file tells it."""
+        return memoryview(data).nbytes
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Only to the header, which is written last."""
+        return offset
+
+
+@contextmanager
+def _nowhere(path: Path) -> Iterator[_Nowhere]:
+    yield _Nowhere()
+
+
 def points(of: Recorded, folder: Path, rounds: int) -> str:
     """Table of files of points by format, scan included."""
     from speed_decoding import theirs
@@ -153,17 +180,27 @@ def points(of: Recorded, folder: Path, rounds: int) -> str:
         pieces = stream(path, found, np.arange(len(found.index)), settings)
         return sum(len(columns["x"]) for columns, _ in pieces)
 
+    def to_nowhere(suffix: str) -> int:
+        with (
+            mock.patch.object(files, "new_file", _nowhere),
+            mock.patch.object(storage, "new_file", _nowhere),
+        ):
+            return write(suffix)
+
     peer, none = "velodyne-decoder, nothing written", "velocal, nothing written"
     measures.add(peer, lambda: theirs(of, "bin"), needs="velodyne_decoder")
     measures.add(none, nothing)
+    for suffix in (".pcd", ".parquet"):
+        name = f"velocal, {suffix} without the writing of the system"
+        measures.add(name, lambda suffix=suffix: to_nowhere(suffix))
     for suffix in FORMATS:
         measures.add(f"velocal, {suffix}", lambda suffix=suffix: write(suffix))
         measures.works[f"velocal, {suffix}"]()
         size = (folder / f"points{suffix}").stat().st_size
 
-        def plain(size: int = size) -> None:
+        def plain(size: int = size, suffix: str = suffix) -> None:
             piece = bytes(1 << 20)
-            with (folder / "plain").open("wb", buffering=0) as file:
+            with new_file(folder / f"plain{suffix}") as file:
                 for _ in range(size // len(piece)):
                     file.write(piece)
 

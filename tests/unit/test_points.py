@@ -90,6 +90,30 @@ def test_points_are_those_of_the_model(name, tmp_path):
     np.testing.assert_allclose(columns["shift"], moved, rtol=1e-5, atol=1e-5)
 
 
+def test_banks_may_follow_in_any_order_and_pieces_have_any_size(tmp_path, monkeypatch):
+    """The constants of the firings are kept while the order of banks stays the same."""
+    payloads, _ = recording(tmp_path, "HDL-64E")
+    flags = payloads[:, :1200].reshape(-1, 12, 100)[..., 1]
+    swapped = np.random.default_rng(1).random(len(flags)) < 0.1
+    flags[swapped] = np.where(flags[swapped] == 0xEE, 0xDD, 0xEE)
+    path = write(tmp_path, record_list(payloads, 42))
+    scanner = SCANNERS["HDL-64E"]
+    settings = Settings(scanner, calibration(scanner))
+    columns = everything(path, settings)
+    xyz, laser, _ = expected(path, payloads, settings, settings.parameters)
+    bound = 6 * np.finfo(np.float32).eps * np.linalg.norm(xyz, axis=1).max()
+    np.testing.assert_array_equal(columns["laser_id"], laser)
+    np.testing.assert_allclose(stacked(columns), xyz, rtol=0, atol=bound)
+    monkeypatch.setattr(placing, "DECODED", 100)
+    monkeypatch.setattr(placing, "PACKETS", 37)
+    found = inspect(path)
+    parts = list(stream(path, found, np.arange(len(found.index)), settings))
+    assert [packets for _, packets in parts] == 7 * [37, 37, 26]
+    for name, values in columns.items():
+        pieces = np.concatenate([part[name] for part, _ in parts])
+        np.testing.assert_array_equal(pieces, values, strict=True)
+
+
 def test_axes_of_ros(tmp_path):
     _, path = recording(tmp_path, "VLP-16")
     settings = Settings(SCANNERS["VLP-16"], calibration(SCANNERS["VLP-16"]))
@@ -312,6 +336,45 @@ def test_nothing_is_left_of_a_bag_that_failed(tmp_path):
     ):
         raise ValueError("stop")
     assert not list(tmp_path.iterdir())
+
+
+def test_coordinates_may_be_views_of_one_array_or_not(tmp_path):
+    both = np.arange(200, dtype=np.float32).view(np.complex64)
+    rest = {
+        name: np.arange(100, dtype=kind)
+        for name, kind in (
+            ("z", "f4"), ("intensity", "u1"), ("laser_id", "u1"), ("rotation", "u4"), ("time", "f8")
+        )
+    }  # fmt: skip
+    for number, (x, y) in enumerate(
+        [
+            (both.real, both.imag),
+            (both.real.copy(), both.imag.copy()),
+            (both.imag, both.real),
+            (both.real[::-1], both.imag[::-1]),
+            (both.view(np.float32)[:100], both.view(np.float32)[100:]),
+        ]
+    ):
+        path = tmp_path / f"{number}.ply"
+        with cloud_writer(path, shift=False, facts={}) as write_columns:
+            write_columns({"x": x, "y": y, **rest})
+        columns = read_ply(path)
+        for name, values in {"x": x, "y": y, **rest}.items():
+            np.testing.assert_array_equal(columns[name], values)
+
+
+def test_parquet_states_limits_only_of_columns_that_are_searched(tmp_path):
+    _, path = recording(tmp_path, "VLP-16", 300)
+    scanner = SCANNERS["VLP-16"]
+    out, found = tmp_path / "points.parquet", inspect(path)
+    with cloud_writer(out, shift=False, facts={"scanner": scanner.name}) as write_columns:
+        settings = Settings(scanner, calibration(scanner))
+        for columns, _ in stream(path, found, np.arange(len(found.index)), settings):
+            write_columns(columns)
+    group = pq.read_metadata(out).row_group(0)
+    limits = [group.column(n) for n in range(group.num_columns)]
+    stated = [each.path_in_schema for each in limits if each.is_stats_set]
+    assert stated == ["rotation", "time"]
 
 
 def test_headers_are_padded_to_one_length(tmp_path):

@@ -320,7 +320,7 @@ def test_few_planes_do_no_harm(small, planes):
     factory, station, true = small
     kept = np.isin(station.observations.plane_number, planes)
     part = replace(station, observations=station.observations.take(kept))
-    result = adjust_unit([part], factory, replace(QUICK, integration_points=9))
+    result = adjust_unit([part], factory, replace(QUICK, integration_points=8))
     finite(result)
     seen = result.calibration.observed
     error, wanted = errors_of(result, true, factory)
@@ -452,7 +452,7 @@ def test_lasers_are_adjusted_though_the_survey_does_not_know_their_mean():
     trial = draw(Plan(scanner="VLP-16", stations=2, windows=1, every=8, unit=common), 4)
     stations = [each.survey.of_unit(each.windows[0]) for each in trial.stations]
     found = adjust_unit(
-        stations, trial.factory, replace(QUICK, linearisations=2, integration_points=9)
+        stations, trial.factory, replace(QUICK, linearisations=2, integration_points=8)
     )
     alpha = next(one for one in found.common if one.name == "alpha")
     assert 3.0 < alpha.by_survey / alpha.by_survey_std < 4.5

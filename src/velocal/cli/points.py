@@ -94,8 +94,8 @@ def points(
     from velocal.clouds.origin import Origin, digest
     from velocal.packets.dual import check_choice
     from velocal.points.files import cloud_writer
-    from velocal.points.placing import Settings
-    from velocal.points.stream import FRAMES, raw_returns, stream
+    from velocal.points.placing import FRAMES, Settings
+    from velocal.points.stream import raw_returns, stream
 
     frame = frame or ("ros" if output.suffix.lower() == ".mcap" else "velocal")
     if frame not in FRAMES:

@@ -175,12 +175,28 @@ class TableWriter:
 
 
 @contextmanager
-def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableWriter]:
-    """Open a Parquet file for streaming; it appears under its name when the block succeeds."""
+def table_writer(
+    path: Path, schema: pa.Schema, settings: Mapping[str, Any] | None = None, /, **facts: Any
+) -> Iterator[TableWriter]:
+    """Open a Parquet file for streaming; it appears under its name when the block succeeds.
+
+    Parameters
+    ----------
+    path : Path
+    schema : pyarrow.Schema
+    settings : mapping, optional
+        Settings of `pyarrow.parquet.ParquetWriter` that differ from the usual ones.
+    **facts
+        What is kept about the table.
+
+    Yields
+    ------
+    TableWriter
+    """
     metadata = {**(schema.metadata or {}), FACTS: json.dumps(facts, default=_plain).encode()}
     described = schema.with_metadata(metadata)
     split = [field.name for field in schema if field.type in _SPLIT]
-    options = {
+    options: dict[str, Any] = {
         "compression": "zstd",
         "compression_level": 1,
         # Measured on 13 million returns: less than half the time and three quarters of the size of
@@ -189,6 +205,7 @@ def table_writer(path: Path, schema: pa.Schema, **facts: Any) -> Iterator[TableW
         "column_encoding": dict.fromkeys(split, "BYTE_STREAM_SPLIT"),
         # Without them most damaged bytes would be read as other numbers.
         "write_page_checksum": True,
+        **(settings or {}),
     }
     with new_file(path) as file, pq.ParquetWriter(file, described, **options) as writer:
         yield TableWriter(writer, described)

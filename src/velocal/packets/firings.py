@@ -62,7 +62,7 @@ class Firings:
         columns = np.arange(self.distance.shape[1], dtype=np.uint8)
         return self.first_laser[:, None] + columns
 
-    def __getitem__(self, rows: NDArray[np.generic]) -> Firings:
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Firings:
         return rows_of(self, rows)
 
 
@@ -142,7 +142,7 @@ def _first_lasers(flag: NDArray[np.uint16], scanner: Scanner) -> NDArray[np.uint
     """First `laser_id` of blocks by their flag; 0 for a flag that the scanner does not send."""
     first = np.zeros(len(flag), dtype=np.uint8)
     for bank, of_bank in enumerate(scanner.flags[1:], start=1):
-        first[flag == of_bank] = 32 * bank
+        first += (flag == of_bank).view(np.uint8) * np.uint8(32 * bank)
     return first
 
 

@@ -330,7 +330,9 @@ class StatusReader:
 
     def _read_text(self, trailing: Bytes) -> None:
         """Read temperature and firmware of units that send text."""
-        degrees = (trailing[:, 2:] == np.frombuffer(b"DegC", np.uint8)).all(axis=1)
+        halves = np.ascontiguousarray(trailing[:, 2:]).view(np.uint16)
+        text = np.frombuffer(b"DegC", np.uint16)
+        degrees = (halves[:, 0] == text[0]) & (halves[:, 1] == text[1])
         if degrees.any():
             # The second byte is whole degrees; how the first divides a degree is not documented.
             values = trailing[degrees, 1]
@@ -355,9 +357,10 @@ class StatusReader:
         opening = np.frombuffer(OPENING, np.uint8)
         if len(held) < len(opening):
             return
-        types, values = held["type"], held["value"]
-        windows = np.lib.stride_tricks.sliding_window_view(types, len(opening))
-        opens = (windows == opening).all(axis=1)
+        types, values = np.ascontiguousarray(held["type"]), held["value"]
+        opens = np.ones(len(types) - len(opening) + 1, dtype=bool)
+        for at, kind in enumerate(opening):
+            opens &= types[at : at + len(opens)] == kind
         start = np.flatnonzero(opens[:settled])
         if len(start) == 0:
             return

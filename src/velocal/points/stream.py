@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from velocal.errors import ConfigError
 from velocal.packets.data import BLOCKS, flags_and_azimuths, view
 from velocal.packets.dual import ONLY, check_choice, dual_packets
 from velocal.packets.firings import decode
-from velocal.points.placing import Columns, Lasers, Settings, place
+from velocal.points.placing import FRAMES, Columns, Lasers, Settings, place
 from velocal.recording import timing
 from velocal.recording.inspection import Inspection
 from velocal.recording.recording import Recording
@@ -25,12 +26,11 @@ from velocal.scanner.beam import Beams
 from velocal.scanner.models import Scanner
 from velocal.scanner.parameters import LaserParameters
 
-#: Packets that are placed together: their arrays stay in the processor's cache.
-PACKETS = 256
+#: Packets that are decoded together, and that are placed together: the arrays of points, which are
+#: larger, stay in the processor's cache.
+DECODED, PACKETS = 1024, 256
 #: The device clock counts the seconds of an hour.
 HOUR_S = 3600.0
-#: Y forward and X right, as everywhere here; X forward and Y left, as in ROS.
-FRAMES = ("velocal", "ros")
 
 
 class _Clock:
@@ -93,15 +93,17 @@ class _Clock:
     def firings(self, block: NDArray[np.int64], dual: NDArray[np.bool_]) -> Array:
         """Time from the stamp of its packet to every firing, shape (n,).
 
-        By its block, and by whether the packet holds two returns of a shot.
+        By its block within the packet, and by whether the packet holds two returns of a shot.
         """
-        together = self.together[dual.astype(np.intp)]
-        shot = together * self.interval_s[dual.astype(np.intp)] / BLOCKS
-        time_s = block % BLOCKS // together * shot
+        together = self.together[:, None]
+        shot = together * self.interval_s[:, None] / BLOCKS
+        time_s = np.arange(BLOCKS) // together * shot
+        kind = dual.astype(np.intp)
+        found = time_s[kind, block]
         if self.per_block > 1:  # the later firings of a block follow the first
             later = np.flatnonzero(block[1:] == block[:-1]) + 1
-            time_s[later] += shot[later] / self.per_block
-        return np.asarray(time_s, dtype=np.float64)
+            found[later] += shot[kind[later], 0] / self.per_block
+        return np.asarray(found, dtype=np.float64)
 
 
 def stream(
@@ -124,8 +126,9 @@ def stream(
     Yields
     ------
     columns : dict of str to ndarray, shape (n,)
-        ``x``, ``y``, ``z`` and ``shift`` in metres (float32), ``intensity``, ``laser_id``,
-        ``rotation``; ``time`` in seconds since the first packet of the recording, of the shot.
+        ``x``, ``y``, ``z`` and ``shift`` in metres (float32; ``x`` and ``y`` are views of one
+        array), ``intensity``, ``laser_id``, ``rotation``; ``time`` in seconds since the first
+        packet of the recording, of the shot.
     packets : int
         Packets that they come from.
     """
@@ -134,17 +137,23 @@ def stream(
     clock = _Clock(inspection, scanner)
     index, source = inspection.index, settings.source
     for chunk, rotation_of_block in read_rotations(recording, index, rotations, source):
-        for begin in range(0, len(chunk.payloads), PACKETS):
-            part = slice(begin, begin + PACKETS)
+        for begin in range(0, len(chunk.payloads), DECODED):
+            part = slice(begin, begin + DECODED)
             payloads, of_block = chunk.payloads[part], rotation_of_block[part]
             firings = decode(payloads, scanner, settings.returns)
             rotation = of_block.reshape(-1)[firings.block]
             captured = None if chunk.capture_time_s is None else chunk.capture_time_s[part]
             sent = clock.packets(captured, payloads, of_block.max(axis=1))
-            time_s = sent[firings.block // BLOCKS] + clock.firings(
-                firings.block, firings.which != ONLY
+            packet = firings.block // BLOCKS
+            time_s = sent[packet] + clock.firings(
+                firings.block - BLOCKS * packet, firings.which != ONLY
             )
-            yield place(firings, rotation, time_s, lasers, settings.frame), len(payloads)
+            n = len(payloads)
+            edges = np.searchsorted(packet, np.arange(0, n + PACKETS, PACKETS))
+            for number, (first, last) in enumerate(pairwise(edges.tolist())):
+                rows = slice(first, last)
+                columns = place(firings[rows], rotation[rows], time_s[rows], lasers)
+                yield columns, min(PACKETS, n - PACKETS * number)
 
 
 def stream_points(

@@ -297,11 +297,14 @@ def _counted(
         first, last = np.searchsorted(boundaries[:-1], blocks)
         begins = np.bincount(boundaries[first:last] - blocks[0], minlength=n * BLOCKS)
         rotation = (first - 1 + np.cumsum(begins)).reshape(n, BLOCKS)
-        rotation = np.where(wanted[rotation], rotation, -1)
-        used = np.flatnonzero((rotation >= 0).any(axis=1))
-        if len(used):
-            rows = slice(int(used[0]), int(used[-1]) + 1)
-            yield chunk.select(rows), rotation[rows]
+        if wanted[max(first - 1, 0) : last].all():  # as of most chunks
+            yield chunk, rotation
+        else:
+            rotation = np.where(wanted[rotation], rotation, -1)
+            used = np.flatnonzero((rotation >= 0).any(axis=1))
+            if len(used):
+                rows = slice(int(used[0]), int(used[-1]) + 1)
+                yield chunk.select(rows), rotation[rows]
         done += n
         if done * BLOCKS >= end:
             return

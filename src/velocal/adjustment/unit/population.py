@@ -166,19 +166,13 @@ class Integrated(Generic[Found]):
 
     Attributes
     ----------
-    log : ndarray, shape (points, learnt)
-        The first is the mode.
     weight : ndarray, shape (points,)
         Their sum is 1.
-    covariance : ndarray, shape (learnt, learnt)
-        Of the logarithms, at the mode.
     found : tuple
         What the caller wanted to know of the posterior at every point.
     """
 
-    log: Array
     weight: Array
-    covariance: Array
     found: tuple[Found, ...]
 
 
@@ -224,24 +218,37 @@ def integrate(
     mode : ndarray
         See `find_mode`.
     points : int
-        1 for the mode alone.
+        1 for the mode alone; otherwise the least number of points.
     describe : callable
         What is wanted of the posterior at every point, which itself is not kept, and the
         values of all standard deviations.
+
+    Notes
+    -----
+    The density of the logarithms falls more slowly on one side of the mode than on the other, and
+    what is wanted depends much on some of them (the mean of dl on the size of the common shift).
+    So each axis of the approximation has a width of its own to either side, such that the density
+    is right at one standard deviation: Rue, Martino & Chopin (2009), Approximate Bayesian
+    inference for latent Gaussian models by using integrated nested Laplace approximations, Journal
+    of the Royal Statistical Society B 71(2), section 6.5. The points are those of turned axes,
+    both ways, on a sphere: Genz & Monahan (1998), Stochastic integration rules for infinite
+    regions, SIAM Journal on Scientific Computing 19(2). Their common distance from the mode is the
+    one that is typical of a normal distribution; weights of points at other distances would differ
+    by large factors.
     """
     learnt = population.learnt
     if not learnt or points == 1:
         at_mode = describe(population.posterior(sums, mode), population.values(mode))
-        return Integrated(mode[None], np.ones(1), np.zeros((len(learnt),) * 2), (at_mode,))
+        return Integrated(np.ones(1), (at_mode,))
     members = [size.own for size in learnt]
     common_members = [size.common for size in learnt]
-
-    from scipy.special import ndtri
-    from scipy.stats import qmc
 
     def gradient(log: Array) -> Array:
         posterior = population.posterior(sums, log)
         return posterior.gradient(members, common_members) + population.minus_2_log_prior(log)[1]
+
+    def minus_2_log(posterior: Posterior, log: Array) -> float:
+        return posterior.minus_2_log + population.minus_2_log_prior(log)[0]
 
     step, d = 0.1, len(mode)
     # At the mode itself the gradient is zero, except where a limit of the search was reached.
@@ -249,26 +256,29 @@ def integrate(
     hessian = np.stack([(gradient(mode + e) - here) / step for e in step * np.eye(d)])
     values, vectors = np.linalg.eigh(0.25 * (hessian + hessian.T))
     # Of the half-t prior alone the logarithm has a standard deviation near 1.
-    spread = vectors / np.sqrt(np.maximum(values, 0.5))
-    half = (points - 1) // 2
-    # `qmc` is deterministic for a given seed; pairs of opposite points keep the mean.
-    uniform = qmc.Sobol(d, seed=1).random(max(half, 1))[:half]
-    normal = ndtri(np.clip(uniform, 1e-3, 1.0 - 1e-3))
-    normal = np.concatenate([np.zeros((1, d)), normal, -normal])
-    log = mode + normal @ spread.T
-    found, target = [], np.empty(len(log))
-    for number, each in enumerate(log):
-        posterior = population.posterior(sums, each)
-        found.append(describe(posterior, population.values(each)))
-        target[number] = posterior.minus_2_log + population.minus_2_log_prior(each)[0]
-    exponent = 0.5 * ((normal**2).sum(axis=1) - target)
+    axes = (vectors / np.sqrt(np.maximum(values, 0.5))).T
+    lowest = minus_2_log(population.posterior(sums, mode), mode)
+    rise = [
+        [minus_2_log(population.posterior(sums, log), log) - lowest for log in mode + sign * axes]
+        for sign in (1.0, -1.0)
+    ]
+    above, below = np.clip(rise, 0.25, 4.0) ** -0.5
+    # On a sphere of one or two dimensions, all points would have nearly the same coordinates: there
+    # they are the first coordinates of points on a sphere of three.
+    dimensions = max(d, 3)
+    # The same turned axes each time, so that the result is the same.
+    shape = (-(-points // (2 * dimensions)), dimensions, dimensions)
+    turned, _ = np.linalg.qr(np.random.default_rng(1).normal(size=shape))
+    half = np.sqrt(dimensions) * turned.reshape(-1, dimensions)[:, :d]
+    placed = np.concatenate([half, -half])
+    width = np.where(placed > 0.0, above, below)
+    found, exponent = [], 0.5 * (lowest + (placed**2).sum(axis=1)) + np.log(width).sum(axis=1)
+    for number, log in enumerate(mode + (width * placed) @ axes):
+        posterior = population.posterior(sums, log)
+        found.append(describe(posterior, population.values(log)))
+        exponent[number] -= 0.5 * minus_2_log(posterior, log)
     weight = np.exp(exponent - exponent.max())
-    # The mode is no random point. One extreme weight must not decide alone.
-    weight[0] = min(weight[0], 1.0)
-    weight = np.minimum(weight, 10.0 * np.median(weight))
-    weight /= weight.sum()
-    covariance = spread @ spread.T
-    return Integrated(log, weight, covariance, tuple(found))
+    return Integrated(weight / weight.sum(), tuple(found))
 
 
 def quantiles(values: Array, weight: Array, shares: Sequence[float]) -> Array:

@@ -159,11 +159,10 @@ def _averaged(stage: Stage, middle: Array, low: Array, high: Array) -> Integrate
     middle, low, high : ndarray, shape (learnt,)
         Logarithms; they are taken as normal, with another standard deviation to either side.
     """
-    logs, described = [], []
+    described = []
     for place in _PLACES:
         step = high - middle if place > 0.0 else middle - low
-        logs.append(middle + place / NORMAL_95 * step)
-        posterior = stage.population.posterior(stage.sums, logs[-1])
-        described.append(stage.describe(posterior, stage.population.values(logs[-1])))
-    n = len(middle)
-    return Integrated(np.stack(logs), _WEIGHTS, np.zeros((n, n)), tuple(described))
+        log = middle + place / NORMAL_95 * step
+        posterior = stage.population.posterior(stage.sums, log)
+        described.append(stage.describe(posterior, stage.population.values(log)))
+    return Integrated(_WEIGHTS, tuple(described))

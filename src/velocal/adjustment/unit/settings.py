@@ -74,7 +74,7 @@ class UnitSettings:
     hold_below : float
         A parameter of a laser of which the data decide less than this share is not changed.
     integration_points : int
-        Number of values of the standard deviations of the unit over which the result is
+        Least number of values of the standard deviations of the unit over which the result is
         averaged; 1 for the most probable values alone.
     linearisations : int
         How often the model is linearised at least; more often where a pose still turns
@@ -97,7 +97,7 @@ class UnitSettings:
     far_std_m: float = 0.01
     pose_in_common: float = 0.4
     hold_below: float = 0.1
-    integration_points: int = 33
+    integration_points: int = 32
     linearisations: int = 2
 
     @classmethod

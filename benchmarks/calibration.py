@@ -1,7 +1,7 @@
 """Compare methods of calibration where the truth is known, and write tables of docs/methods.md.
 
 Usage: python benchmarks/calibration.py [--draws N] [--cases NAME ...] [--methods NAME ...]
-           [--seed FIRST] [--processes 1] [--out FOLDER] [--resume] [--cost] [--write]
+           [--seed FIRST] [--processes 1] [--out FOLDER] [--resume] [--cost] [--harm] [--write]
 
 Rows of all draws are collected in FOLDER/draws.csv; a run replaces those of its cases, seeds and
 methods. With --resume it leaves out the draws that are complete there, so that a run that was
@@ -26,10 +26,13 @@ import pandas as pd
 from calibration_cases import ALL, CASES, FIRST_SEED
 from calibration_judge import judged
 from calibration_methods import METHODS, unit_settings, unit_stations
-from calibration_tables import complete, summarised, tables
+from calibration_tables import DEFAULT, FACTORY, HARM, against, complete, summarised, tables
 
 from velocal.adjustment.unit.adjust import adjust_unit
+from velocal.adjustment.unit.station import UnitStation
+from velocal.evaluation.holdout import hold_out
 from velocal.io.markup import inserted
+from velocal.scanner.parameters import LaserParameters
 from velocal.simulation.independent.plan import Plan
 from velocal.simulation.independent.trial import draw
 
@@ -120,6 +123,29 @@ def cost(file: Path) -> None:
     pd.DataFrame(rows).to_csv(file, index=False, float_format="%.6g")
 
 
+def harm(draws: pd.DataFrame, file: Path) -> None:
+    """Leave out stations in the draws where the default is worse, as is done before an export."""
+    ratio, rows = against(draws, FACTORY), []
+    worse = draws[(draws["method"] == DEFAULT) & (ratio > HARM)]
+    for place, case, seed in worse[["case", "seed"]].itertuples(name=None):
+        trial = CASES[case].make(seed)
+        settings = unit_settings(trial)
+
+        def adjusted(
+            kept: Sequence[UnitStation], factory: LaserParameters = trial.factory, given=settings
+        ) -> LaserParameters:
+            return adjust_unit(kept, factory, given).calibration.adjusted
+
+        found = hold_out(unit_stations(trial), trial.factory, adjusted)
+        left_out = found.total
+        held = left_out.after_m / left_out.before_m if left_out else float("nan")
+        heading = {"case": case, "seed": seed, "ratio": ratio[place]}
+        rows.append(heading | {"held": held, "verdict": found.verdict})
+        print(rows[-1], flush=True)
+    columns = ["case", "seed", "ratio", "held", "verdict"]
+    pd.DataFrame(rows, columns=columns).to_csv(file, index=False, float_format="%.6g")
+
+
 def main(arguments: Sequence[str]) -> None:
     """Run, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -131,12 +157,17 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks/calibration"))
     parser.add_argument("--resume", action="store_true", help="leave out what is done already")
     parser.add_argument("--cost", action="store_true", help="measure time and memory, nothing else")
+    parser.add_argument(
+        "--harm", action="store_true", help="leave out stations in the draws that are worse"
+    )
     parser.add_argument("--write", action="store_true", help="put the tables into the page")
     chosen = parser.parse_args(arguments)
     chosen.out.mkdir(parents=True, exist_ok=True)
-    file, costs = chosen.out / "draws.csv", chosen.out / "cost.csv"
+    file, costs, held = (chosen.out / f"{name}.csv" for name in ("draws", "cost", "harm"))
     if chosen.cost:
         cost(costs)
+    elif chosen.harm:
+        harm(pd.read_csv(file), held)
     else:
         tasks = [
             (case, chosen.seed + number, tuple(chosen.methods))
@@ -146,7 +177,7 @@ def main(arguments: Sequence[str]) -> None:
         collect(left(tasks, file) if chosen.resume else tasks, chosen.processes, file)
     draws = pd.read_csv(file)
     summarised(complete(draws)).to_csv(chosen.out / "summary.csv", index=False, float_format="%.6g")
-    found = tables(draws, pd.read_csv(costs) if costs.exists() else None)
+    found = tables(draws, *(pd.read_csv(one) if one.exists() else None for one in (costs, held)))
     for name, table in found.items():
         (chosen.out / f"{name}.md").write_text(table + "\n", encoding="utf-8")
     for name in ("bench_issue", "bench_study", "bench_other", "bench_checks"):

@@ -310,6 +310,22 @@ def further_table(draws: pd.DataFrame) -> str:
     return "\n".join(markdown_table(headings, rows, [False] + [True] * 6))
 
 
+def harm_table(held: pd.DataFrame) -> str:
+    """Draws in which the default is worse than the factory, and what the hold-out says of them."""
+    headings = [
+        "study", "seed", "s at unseen stations, over the factory's",
+        "s on the stations that were left out, over the factory's", "verdict of the hold-out",
+    ]  # fmt: skip
+    rows = [
+        [
+            CASES[row["case"]].text, str(row["seed"]), f"{row['ratio']:.3f}", f"{row['held']:.3f}",
+            row["verdict"],
+        ]
+        for _, row in held.iterrows()
+    ]  # fmt: skip
+    return "\n".join(markdown_table(headings, rows, [False, True, True, True, False]))
+
+
 def cost_table(cost: pd.DataFrame) -> str:
     """CPU time and memory of the adjustment of a unit."""
     headings = ["scanner", "stations", "windows", "medians", "seconds", "peak memory MB"]
@@ -323,7 +339,9 @@ def cost_table(cost: pd.DataFrame) -> str:
     return "\n".join(markdown_table(headings, rows, [False] + [True] * 5))
 
 
-def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
+def tables(
+    draws: pd.DataFrame, cost: pd.DataFrame | None, held: pd.DataFrame | None = None
+) -> dict[str, str]:
     """All tables, by the name of their place in the page."""
     further = draws.drop(complete(draws).index)
     draws = complete(draws)
@@ -344,4 +362,6 @@ def tables(draws: pd.DataFrame, cost: pd.DataFrame | None) -> dict[str, str]:
         found["bench_further"] = further_table(further)
     if cost is not None:
         found["bench_cost"] = cost_table(cost)
+    if held is not None:
+        found["bench_harm"] = harm_table(held)
     return found

@@ -120,3 +120,11 @@ def test_dl_is_judged_at_one_range_also_where_it_depends_on_the_range(bench):
     at_m = 3.0 + slope[0] * (FAR_M - 3.0)
     shorter = at_m * (x**3 + (np.sin(v) ** 2 + y**2) * y) - 3.0
     assert found == pytest.approx(slope[0] * shorter.mean(), rel=0.005)
+
+
+def test_draws_that_are_worse_have_the_verdict_of_the_hold_out(bench):
+    _, tables = bench
+    row = {"case": "HDL-64E-1", "seed": 7, "ratio": 1.0312, "held": 1.2, "verdict": "worse"}
+    line = tables.harm_table(pd.DataFrame([row])).splitlines()[2]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells == [tables.CASES["HDL-64E-1"].text, "7", "1.031", "1.200", "worse"]

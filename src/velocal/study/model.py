@@ -38,7 +38,10 @@ class Section(BaseModel):
     Numbers must be finite. A truth value is not a number, and a number is not text.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # A job of the workflow imports many models and uses one or two of them.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True
+    )
 
     @model_validator(mode="before")
     @classmethod

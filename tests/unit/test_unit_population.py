@@ -9,24 +9,25 @@ from hypothesis import strategies as st
 from scipy.special import digamma, polygamma
 from scipy.stats import gamma, ortho_group
 
-from velocal.adjustment.unit.population import Size, integrate, quantiles
+from velocal.adjustment.unit.population import Population, Size, integrate, quantiles
 
 NONE = np.zeros(0, dtype=np.int64)
 
 
-@dataclass
-class Given:
-    """Stands for `Population` and its posterior: a density of the logarithms in closed form."""
+@dataclass(frozen=True)
+class Given(Population):
+    """A population of which the density of the logarithms is known in closed form."""
 
-    learnt: list
     minus_2_log_of: object
     slope_of: object
 
+    @classmethod
+    def of(cls, d, minus_2_log, slope):
+        sizes = (Size("dl", "m", 1.0, False, NONE, NONE),) * d
+        return cls(None, sizes, False, minus_2_log, slope)
+
     def posterior(self, sums, log):
         return At(self.minus_2_log_of(log), self.slope_of(log))
-
-    def values(self, log):
-        return np.exp(log)
 
     def minus_2_log_prior(self, log):
         return 0.0, np.zeros(len(log))
@@ -41,14 +42,10 @@ class At:
         return self.slope
 
 
-def sizes(d):
-    return [Size("dl", "m", 1.0, False, NONE, NONE)] * d
-
-
 def normal(mean, covariance):
     weight = np.linalg.inv(covariance)
-    return Given(
-        sizes(len(mean)),
+    return Given.of(
+        len(mean),
         lambda log: (log - mean) @ weight @ (log - mean),
         lambda log: 2.0 * weight @ (log - mean),
     )
@@ -56,8 +53,8 @@ def normal(mean, covariance):
 
 def log_gamma(shape, turn):
     """Coordinates ``turn' log`` whose exponentials have independent gamma distributions."""
-    return Given(
-        sizes(len(shape)),
+    return Given.of(
+        len(shape),
         lambda log: 2.0 * (np.exp(turn.T @ log) - shape * (turn.T @ log)).sum(),
         lambda log: 2.0 * turn @ (np.exp(turn.T @ log) - shape),
     )

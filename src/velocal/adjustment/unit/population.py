@@ -159,6 +159,18 @@ class Population:
         slope = 2.0 * (_DOF + power) * ratio / (1.0 + ratio) - 2.0 * power
         return float(value.sum()), slope
 
+    def minus_2_log(self, posterior: Posterior, log: Array) -> float:
+        """Minus twice the log density of the logarithms, plus a constant; with their posterior."""
+        return posterior.minus_2_log + self.minus_2_log_prior(log)[0]
+
+    def gradient(self, posterior: Posterior, log: Array) -> Array:
+        """Derivative of `minus_2_log` by the logarithms."""
+        learnt = self.learnt
+        of_data = posterior.gradient(
+            [size.own for size in learnt], [size.common for size in learnt]
+        )
+        return of_data + self.minus_2_log_prior(log)[1]
+
 
 @dataclass(frozen=True)
 class Integrated(Generic[Found]):
@@ -182,16 +194,12 @@ def find_mode(population: Population, sums: Sums, start: Array | None = None) ->
     if not learnt:
         return np.zeros(0)
     scales = np.log([size.scale for size in learnt])
-    members = [size.own for size in learnt]
-    common_members = [size.common for size in learnt]
 
     from scipy.optimize import minimize  # here: most scripts that import this module adjust no unit
 
     def value(log: Array) -> tuple[float, Array]:
         posterior = population.posterior(sums, log)
-        prior, slope = population.minus_2_log_prior(log)
-        gradient = posterior.gradient(members, common_members)
-        return posterior.minus_2_log + prior, gradient + slope
+        return population.minus_2_log(posterior, log), population.gradient(posterior, log)
 
     bounds = [(s - 8.0, s + 4.0) for s in scales]
     begin = scales - 0.7 if start is None else start
@@ -236,33 +244,26 @@ def integrate(
     one that is typical of a normal distribution; weights of points at other distances would differ
     by large factors.
     """
-    learnt = population.learnt
-    if not learnt or points == 1:
-        at_mode = describe(population.posterior(sums, mode), population.values(mode))
-        return Integrated(np.ones(1), (at_mode,))
-    members = [size.own for size in learnt]
-    common_members = [size.common for size in learnt]
+    at_mode = population.posterior(sums, mode)
+    if not population.learnt or points == 1:
+        return Integrated(np.ones(1), (describe(at_mode, population.values(mode)),))
 
     def gradient(log: Array) -> Array:
-        posterior = population.posterior(sums, log)
-        return posterior.gradient(members, common_members) + population.minus_2_log_prior(log)[1]
-
-    def minus_2_log(posterior: Posterior, log: Array) -> float:
-        return posterior.minus_2_log + population.minus_2_log_prior(log)[0]
+        return population.gradient(population.posterior(sums, log), log)
 
     step, d = 0.1, len(mode)
     # At the mode itself the gradient is zero, except where a limit of the search was reached.
-    here = gradient(mode)
+    here = population.gradient(at_mode, mode)
     hessian = np.stack([(gradient(mode + e) - here) / step for e in step * np.eye(d)])
     values, vectors = np.linalg.eigh(0.25 * (hessian + hessian.T))
     # Of the half-t prior alone the logarithm has a standard deviation near 1.
     axes = (vectors / np.sqrt(np.maximum(values, 0.5))).T
-    lowest = minus_2_log(population.posterior(sums, mode), mode)
+    lowest = population.minus_2_log(at_mode, mode)
     rise = [
-        [minus_2_log(population.posterior(sums, log), log) - lowest for log in mode + sign * axes]
-        for sign in (1.0, -1.0)
+        population.minus_2_log(population.posterior(sums, log), log) - lowest
+        for log in mode + np.concatenate([axes, -axes])
     ]
-    above, below = np.clip(rise, 0.25, 4.0) ** -0.5
+    above, below = np.clip(rise, 0.25, 4.0).reshape(2, d) ** -0.5
     # On a sphere of one or two dimensions, all points would have nearly the same coordinates: there
     # they are the first coordinates of points on a sphere of three.
     dimensions = max(d, 3)
@@ -276,7 +277,7 @@ def integrate(
     for number, log in enumerate(mode + (width * placed) @ axes):
         posterior = population.posterior(sums, log)
         found.append(describe(posterior, population.values(log)))
-        exponent[number] -= 0.5 * minus_2_log(posterior, log)
+        exponent[number] -= 0.5 * population.minus_2_log(posterior, log)
     weight = np.exp(exponent - exponent.max())
     return Integrated(weight / weight.sum(), tuple(found))
 

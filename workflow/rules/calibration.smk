@@ -179,9 +179,6 @@ rule judge_calibrations:
 
 
 # For each parameter set: the adjustments that it is the mean of, and the samples of these.
-AVERAGED = [
-    (scanner, name) for scanner, sets in STUDY.parameter_sets.items() for name in sets
-]
 OF_AVERAGES = [STUDY.parameter_sets[scanner][name] for scanner, name in AVERAGED]
 OF_SETS = {
     "adjustments": [

@@ -31,12 +31,11 @@ CLAIM_FILES = [
 CLAIM_FILES = CLAIM_FILES if SETTINGS.compare_with_paper else []
 SURVEYED = list(STUDY.surveyed)
 # Surveyed calibrations, whose windows are compared, their samples, and the files of these.
-SURVEYED_UNITS = [
-    f"{scanner}/{name}" for scanner, sets in STUDY.calibrations.items() for name in sets
+UNITS = [
+    (scanner, name) for scanner, sets in STUDY.calibrations.items() for name in sets
 ]
-OF_UNITS = [
-    list(samples) for sets in STUDY.calibrations.values() for samples in sets.values()
-]
+SURVEYED_UNITS = [f"{scanner}/{name}" for scanner, name in UNITS]
+OF_UNITS = [list(STUDY.calibrations[scanner][name]) for scanner, name in UNITS]
 OF_UNIT_DRIFT = {
     "assigned": [
         per_window(f"{RESULTS}/assigned/{{sample}}/{{window}}.parquet", names)
@@ -110,8 +109,8 @@ rule measure_unit_drift:
         f"{RESULTS}/logs/measure_unit_drift.log",
     params:
         taken=taken(**OF_UNIT_DRIFT),
-        scanner=[scanner for scanner, sets in STUDY.calibrations.items() for _ in sets],
-        unit=[name for sets in STUDY.calibrations.values() for name in sets],
+        scanner=[scanner for scanner, _ in UNITS],
+        unit=[name for _, name in UNITS],
         samples=[samples_per_window(names) for names in OF_UNITS],
         windows=[
             [window for name in names for window in STUDY.samples[name].windows]

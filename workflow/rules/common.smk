@@ -157,12 +157,17 @@ def positions_per_window(samples):
     return [STUDY.samples[name].position for name in samples_per_window(samples)]
 
 
+# Parameter sets, scanner by scanner.
+AVERAGED = [
+    (scanner, name) for scanner, sets in STUDY.parameter_sets.items() for name in sets
+]
+
+
 def set_files(suffix):
-    """Files of all parameter sets, scanner by scanner."""
+    """Files of all parameter sets."""
     return [
         f"{RESULTS}/parameter_sets/{scanner}/{name}.{suffix}"
-        for scanner, sets in STUDY.parameter_sets.items()
-        for name in sets
+        for scanner, name in AVERAGED
     ]
 
 

@@ -30,7 +30,7 @@ from calibration_tables import DEFAULT, FACTORY, HARM, against, complete, summar
 
 from velocal.adjustment.unit.adjust import adjust_unit
 from velocal.adjustment.unit.station import UnitStation
-from velocal.evaluation.holdout import hold_out
+from velocal.evaluation.holdout import HoldOut, hold_out
 from velocal.io.markup import inserted
 from velocal.scanner.parameters import LaserParameters
 from velocal.simulation.independent.plan import Plan
@@ -123,22 +123,25 @@ def cost(file: Path) -> None:
     pd.DataFrame(rows).to_csv(file, index=False, float_format="%.6g")
 
 
+def held_out(case: str, seed: int) -> HoldOut:
+    """Leave out every station of a draw in turn, as is done before an export."""
+    trial = CASES[case].make(seed)
+    settings = unit_settings(trial)
+
+    def adjusted(kept: Sequence[UnitStation]) -> LaserParameters:
+        return adjust_unit(kept, trial.factory, settings).calibration.adjusted
+
+    return hold_out(unit_stations(trial), trial.factory, adjusted)
+
+
 def harm(draws: pd.DataFrame, file: Path) -> None:
-    """Leave out stations in the draws where the default is worse, as is done before an export."""
+    """Ask the hold-out about the draws where the default is worse."""
     ratio, rows = against(draws, FACTORY), []
     worse = draws[(draws["method"] == DEFAULT) & (ratio > HARM)]
     for place, case, seed in worse[["case", "seed"]].itertuples(name=None):
-        trial = CASES[case].make(seed)
-        settings = unit_settings(trial)
-
-        def adjusted(
-            kept: Sequence[UnitStation], factory: LaserParameters = trial.factory, given=settings
-        ) -> LaserParameters:
-            return adjust_unit(kept, factory, given).calibration.adjusted
-
-        found = hold_out(unit_stations(trial), trial.factory, adjusted)
-        left_out = found.total
-        held = left_out.after_m / left_out.before_m if left_out else float("nan")
+        found = held_out(case, seed)
+        total = found.total
+        held = total.after_m / total.before_m if total else float("nan")
         heading = {"case": case, "seed": seed, "ratio": ratio[place]}
         rows.append(heading | {"held": held, "verdict": found.verdict})
         print(rows[-1], flush=True)
